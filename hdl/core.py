@@ -1,0 +1,127 @@
+"""From a camera's view and the user's choices to a core: its Verilog and its plan."""
+
+import hashlib
+from dataclasses import dataclass
+
+from hdl import verilog
+from hdl.coordinates import Border
+from hdl.datapaths import DATAPATHS
+from hdl.errors import InputError
+from hdl.plan import PLAN_VERSION, Plan
+from hdl.rectifier import Rectifier, RectifierParameters
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user chooses, besides the calibration; each by its command-line name.
+
+    Parameters
+    ----------
+    datapath : str
+        A key of `DATAPATHS`.
+    max_error : float or None
+        Largest allowed coordinate error per axis, px.
+    pixel_bits, channels, fraction_bits : int
+    border : Border
+    max_line_buffer_kib : int
+        Largest allowed line memory, KiB.
+    """
+
+    datapath: str = "proposed"
+    max_error: float | None = None
+    pixel_bits: int = 8
+    channels: int = 1
+    fraction_bits: int = 5
+    border: Border = Border()
+    max_line_buffer_kib: int = 4096
+
+
+@dataclass(frozen=True)
+class Core:
+    """A finished core: its parameters, the text of its Verilog and its `Plan`."""
+
+    parameters: RectifierParameters
+    verilog: str
+    plan: Plan
+
+
+def build(view, options, top, progress=lambda step: None):
+    """Build one core.
+
+    Parameters
+    ----------
+    view : hdl.rectification.View
+    options : Options
+    top : str
+        Name of the top module.
+    progress : callable
+        Called with a line of text before each step that may take long.
+
+    Returns
+    -------
+    Core
+
+    Raises
+    ------
+    InputError
+        Where the budget, the line memory or the frame size cannot be met.
+    """
+    progress("exact map")
+    exact = view.map()
+    progress(f"word lengths of {options.datapath}")
+    datapath = DATAPATHS[options.datapath].fit(view, options.fraction_bits, options.max_error)
+    progress("error at every pixel")
+    error = datapath.coordinates.error(*exact)
+    worst = max(error["u"]["max"], error["v"]["max"])
+    if options.max_error is not None and worst > options.max_error:
+        raise InputError(
+            "--max-error", None, options.max_error,
+            f"{options.datapath} reaches {worst:.4g} px for the {view.side} camera and no less",
+        )
+    progress("line buffer")
+    try:
+        parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
+        line_buffer = parameters.line_buffer
+    except ValueError as problem:
+        raise InputError("--size", None, f"{view.width}x{view.height}", str(problem)) from problem
+    kib = line_buffer.bits / 8 / 1024
+    if kib > options.max_line_buffer_kib:
+        raise InputError(
+            "--max-line-buffer-kib", None, options.max_line_buffer_kib,
+            f"the {view.side} camera's map bends rows so far that {line_buffer.rows} rows are needed, {kib:.0f} KiB",
+        )
+    progress("Verilog")
+    text = verilog.convert(Rectifier(parameters), top, header=_header(top, view, datapath, options))
+    plan = Plan(
+        plan_version=PLAN_VERSION,
+        top=top,
+        camera={
+            "side": view.side, "model": view.camera.model, "K": view.camera.K.tolist(), "D": view.camera.D.tolist(),
+        },
+        rectification={"R": view.R.tolist(), "P": view.P.tolist()},
+        width=view.width,
+        height=view.height,
+        lens=view.lens,
+        datapath=options.datapath,
+        fraction_bits=options.fraction_bits,
+        pixel_bits=options.pixel_bits,
+        channels=options.channels,
+        border={"mode": options.border.mode, "value": options.border.value},
+        line_buffer={"rows": line_buffer.rows, "d_lo": line_buffer.window.d_lo, "d_hi": line_buffer.window.d_hi},
+        latency_cycles=parameters.latency_cycles,
+        formats={name: str(q) for name, q in datapath.formats.items()},
+        max_error_requested=options.max_error,
+        error=error,
+        verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
+    )
+    return Core(parameters, text, plan)
+
+
+def _header(top, view, datapath, options):
+    pixel = f"{options.channels}x{options.pixel_bits}" if options.channels > 1 else options.pixel_bits
+    return (
+        f"{top}: streaming stereo rectifier, {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
+        f"1 px/clock.\nDatapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
+        f"AXI4-Stream video in (s_axis) and out (m_axis), tuser: start of frame, tlast: end of line; aresetn is\n"
+        f"synchronous. Accuracy, memory and latency: {top}.json."
+    )

@@ -1,0 +1,10 @@
+"""The datapaths by their command-line names; a new one is one file and one entry here."""
+
+from hdl.datapaths.accumulate import Accumulate
+from hdl.datapaths.base import Datapath
+from hdl.datapaths.conventional import Conventional
+from hdl.datapaths.proposed import Proposed
+
+DATAPATHS: dict[str, type[Datapath]] = {
+    datapath.name: datapath for datapath in (Conventional, Accumulate, Proposed)
+}

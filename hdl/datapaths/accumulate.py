@@ -1,0 +1,48 @@
+"""Accumulators in place of the matrix product, the division kept (Eq. 4)."""
+
+from amaranth import Module
+from amaranth.lib import wiring
+
+from hdl.datapaths.linear import Accumulator
+from hdl.datapaths.projective import Projective, connect_divider
+
+
+class Accumulate(Projective):
+    """u = x/z and v = y/z with x, y and z accumulated over the raster.
+
+    As exact as `conventional`, without its multipliers. Latency: the dividers' quotient bits; 1 px/clock.
+
+    Source: Hyun and Moon 2015, Eq. 4.
+    """
+
+    name = "accumulate"
+    summary = "Eq. 4: three accumulators and two pipelined dividers"
+
+    @property
+    def latency(self):
+        return self.quotient_bits
+
+    def component(self):
+        return DividedAccumulators(self)
+
+
+class DividedAccumulators(wiring.Component):
+    """Three `Accumulator` and a `Divider`. Members: `DatapathSignature`."""
+
+    def __init__(self, parameters):
+        self._parameters = parameters
+        super().__init__(parameters.signature)
+
+    def elaborate(self, platform):
+        m = Module()
+        values = []
+        for name, form in self._parameters.forms.items():
+            m.submodules[name] = accumulator = Accumulator(form)
+            m.d.comb += [
+                accumulator.step.eq(self.step),
+                accumulator.end_of_line.eq(self.end_of_line),
+                accumulator.end_of_frame.eq(self.end_of_frame),
+            ]
+            values.append(accumulator.value)
+        connect_divider(m, self, self._parameters, *values)
+        return m

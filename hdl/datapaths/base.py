@@ -1,0 +1,109 @@
+"""What every datapath is: parameters that were fitted to a map, an integer model, and the hardware they describe."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In, Out
+from amaranth.utils import ceil_log2
+
+from hdl.fixedpoint import Q
+
+# Error allowed on top of the rounding to fraction_bits where no budget is given, px.
+ARITHMETIC_ERROR = 0.002
+
+
+def default_budget(fraction_bits):
+    """Largest coordinate error, px, of a datapath that computes what it names: rounding and a little arithmetic."""
+    return 2.0 ** -(fraction_bits + 1) + ARITHMETIC_ERROR
+
+
+class DatapathSignature(wiring.Signature):
+    """The one interface between the rectifier and a datapath, seen from the datapath.
+
+    Members
+    -------
+    enable : In(1)
+        The pipeline moves on in this clock.
+    step : In(1)
+        The position is taken in this clock; only together with ``enable``.
+    x, y : In
+        Raster position in the rectified frame, px.
+    end_of_line, end_of_frame : In(1)
+        The position is its row's, its frame's, last one.
+    u, v : Out
+        Source column and row, fixed point, ``latency`` enabled clocks after their position was taken.
+    """
+
+    def __init__(self, width, height, u, v):
+        super().__init__({
+            "enable": In(1),
+            "step": In(1),
+            "x": In(ceil_log2(width)),
+            "y": In(ceil_log2(height)),
+            "end_of_line": In(1),
+            "end_of_frame": In(1),
+            "u": Out(u.shape),
+            "v": Out(v.shape),
+        })
+
+
+@dataclass(frozen=True)
+class Datapath(ABC):
+    """The parameters of one datapath for one view; made by `fit`, shared by the integer model and the hardware.
+
+    Parameters
+    ----------
+    width, height : int
+        Frame size, px.
+    fraction_bits : int
+        Fraction bits of ``u`` and ``v``.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    supports_lens: ClassVar[bool] = False
+
+    width: int
+    height: int
+    fraction_bits: int
+
+    @classmethod
+    @abstractmethod
+    def fit(cls, view, fraction_bits, max_error=None):
+        """Choose the parameters for ``view`` (`hdl.rectification.View`): the cheapest that meet ``max_error`` (px,
+        rounding included) at every pixel whose source is inside the image, or, without a budget, that compute what the
+        datapath names within `default_budget`. Raises InputError where that cannot be had."""
+
+    @property
+    @abstractmethod
+    def coordinates(self):
+        """The integer model: the `Coordinates` that the hardware computes, bit for bit."""
+
+    @property
+    @abstractmethod
+    def formats(self):
+        """Formats of the values along the datapath, name to `Q`."""
+
+    @property
+    @abstractmethod
+    def latency(self):
+        """Enabled clocks from a position to its coordinates."""
+
+    @abstractmethod
+    def component(self):
+        """The hardware, a `wiring.Component` with the `signature` below."""
+
+    @cached_property
+    def coordinate_formats(self):
+        """The narrowest formats (`Q`) of ``u`` and ``v``."""
+        return tuple(
+            Q.covering(*span, self.fraction_bits) for span in (self.coordinates.u_range, self.coordinates.v_range)
+        )
+
+    @property
+    def signature(self):
+        """The `DatapathSignature` of the hardware."""
+        return DatapathSignature(self.width, self.height, *self.coordinate_formats)

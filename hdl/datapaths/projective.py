@@ -1,0 +1,203 @@
+"""What `conventional` and `accumulate` share: Eq. 3's linear forms, their word lengths, and the division by z."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import ceil
+
+import numpy as np
+
+from hdl.coordinates import Coordinates
+from hdl.datapaths.base import Datapath, default_budget
+from hdl.datapaths.divider import Divider
+from hdl.datapaths.linear import LinearForm
+from hdl.errors import InputError
+
+# No calibration within the checked ranges needs as many; beyond them int64 would not hold the model's dividends.
+MOST_FRACTION_BITS = 34
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Integers of u = x/z (or v = y/z): floor of numerator over z, each a truncated linear form.
+
+    Parameters
+    ----------
+    form : LinearForm
+        2**fraction_bits * (x + bias*z) + z/2, so that the floor of the quotient is u rounded half up, plus the bias.
+    kept_bits : int
+        Fraction bits of the form that the divider sees.
+    bias : int
+        Whole pixels added to keep the quotient from being negative.
+    """
+
+    form: LinearForm
+    kept_bits: int
+    bias: int
+
+    def dividend(self, x, y):
+        """What the divider sees at the positions (x, y), int64, in units of 2**-kept_bits."""
+        return self.form.values(x, y) >> (self.form.fraction_bits - self.kept_bits)
+
+
+@dataclass(frozen=True)
+class Projective(Datapath):
+    """Parameters and integer model of u = x/z, v = y/z with x, y, z linear in the raster position (Eq. 3 and 4).
+
+    Parameters
+    ----------
+    u_ratio, v_ratio : Ratio
+    z_form : LinearForm
+    divisor_bits : int
+        Fraction bits of z that the dividers see.
+    """
+
+    u_ratio: Ratio
+    v_ratio: Ratio
+    z_form: LinearForm
+    divisor_bits: int
+
+    @classmethod
+    def fit(cls, view, fraction_bits, max_error=None):
+        budget = default_budget(fraction_bits) if max_error is None else max_error
+        if budget <= 2.0 ** -(fraction_bits + 1):
+            raise InputError("--max-error", None, max_error, f"rounding to {fraction_bits} fraction bits alone costs up"
+                             f" to {2.0 ** -(fraction_bits + 1)} px")
+        return _WordLengths(cls, view, fraction_bits, budget).search()
+
+    @property
+    def forms(self):
+        """The three linear forms, in the order x, y, z."""
+        return {"x": self.u_ratio.form, "y": self.v_ratio.form, "z": self.z_form}
+
+    def coordinate(self, ratio, x, y):
+        """u or v at the positions (x, y), int64, in units of 2**-fraction_bits px."""
+        divisor = self.z_form.values(x, y) >> (self.z_form.fraction_bits - self.divisor_bits)
+        dividend = ratio.dividend(x, y) << (self.divisor_bits - ratio.kept_bits)
+        return dividend // divisor - (ratio.bias << self.fraction_bits)
+
+    @cached_property
+    def coordinates(self):
+        x, y = np.arange(self.width), np.arange(self.height)[:, None]
+        u, v = (self.coordinate(ratio, x, y).astype(np.int32) for ratio in (self.u_ratio, self.v_ratio))
+        return Coordinates(u, v, self.fraction_bits)
+
+    @property
+    def formats(self):
+        return {
+            **{name: form.format for name, form in self.forms.items()},
+            "divisor": replace_fraction(self.z_form.format, self.divisor_bits),
+            "dividend_u": replace_fraction(self.u_ratio.form.format, self.u_ratio.kept_bits),
+            "dividend_v": replace_fraction(self.v_ratio.form.format, self.v_ratio.kept_bits),
+        }
+
+    @property
+    def quotient_bits(self):
+        """Quotient bits, and so stages, of the dividers."""
+        limits = (
+            limit + (ratio.bias << self.fraction_bits)
+            for ratio, (_, limit) in (
+                (self.u_ratio, self.coordinates.u_range), (self.v_ratio, self.coordinates.v_range)
+            )
+        )
+        return max(limits).bit_length()
+
+    def divider(self):
+        """The `Divider` for both coordinates."""
+        formats = self.formats
+        return Divider(
+            [(formats[f"dividend_{axis}"].width, self.divisor_bits - ratio.kept_bits)
+             for axis, ratio in (("u", self.u_ratio), ("v", self.v_ratio))],
+            divisor_bits=formats["divisor"].width,
+            quotient_bits=self.quotient_bits,
+        )
+
+
+def replace_fraction(q, fraction_bits):
+    """``q`` truncated to ``fraction_bits``."""
+    return replace(q, fraction_bits=fraction_bits)
+
+
+class _WordLengths:
+    """The search of `Projective.fit`: fewest divisor bits first, then dividend bits, then coefficient bits.
+
+    The divisor's width sets the size of every divider stage, twice; the rest is small change. Candidates that already
+    miss the budget on a coarse grid are dropped there; one that passes is evaluated at every pixel.
+    """
+
+    def __init__(self, datapath, view, fraction_bits, budget):
+        self.datapath, self.view, self.fraction_bits, self.budget = datapath, view, fraction_bits, budget
+        self.exact = dict(zip("uv", view.map()))
+        self.bias = {axis: max(0, ceil(-float(exact.min() - budget))) for axis, exact in self.exact.items()}
+        self.row = dict(zip("uvz", np.asarray(view.homography) / np.sign(view.homography[2, 2])))
+        step = max(1, min(view.width, view.height) // 60)
+        coarse_x, coarse_y = (np.unique(np.r_[0:size:step, size - 1]) for size in (view.width, view.height))
+        self.grids = ((coarse_x, coarse_y), (np.arange(view.width), np.arange(view.height)))
+
+    def search(self):
+        most = MOST_FRACTION_BITS
+        start = self.fraction_bits
+        bits = {"divisor": most, "z": most, **{f"{kind}_{axis}": most for kind in ("kept", "form") for axis in "uv"}}
+
+        def fewest(low, axes, *names):
+            for candidate in range(low, most + 1):
+                trial = {**bits, **dict.fromkeys(names, candidate)}
+                if all(self.meets(trial, axis) for axis in axes):
+                    bits.update(trial)
+                    return
+            raise InputError("--max-error", None, self.budget, "cannot be reached by word lengths of this datapath")
+
+        # With fewer divisor bits the kept bits must shrink along.
+        fewest(start, "uv", "divisor", "kept_u", "kept_v")
+        for axis in "uv":
+            fewest(0, axis, f"kept_{axis}")
+        fewest(bits["divisor"], "uv", "z")
+        for axis in "uv":
+            fewest(bits[f"kept_{axis}"], axis, f"form_{axis}")
+        return self.build(bits)
+
+    def build(self, bits):
+        width, height = self.view.width, self.view.height
+
+        def ratio(axis):
+            row, z, kept = self.row[axis], self.row["z"], bits[f"kept_{axis}"]
+            form = LinearForm.quantise(
+                2.0**self.fraction_bits * (row + self.bias[axis] * z) + z / 2,
+                bits[f"form_{axis}"], width, height, half=_half(kept, bits[f"form_{axis}"]),
+            )
+            return Ratio(form, kept, self.bias[axis])
+
+        z_form = LinearForm.quantise(
+            self.row["z"], bits["z"], width, height, half=_half(bits["divisor"], bits["z"])
+        )
+        return self.datapath(width, height, self.fraction_bits, ratio("u"), ratio("v"), z_form, bits["divisor"])
+
+    def meets(self, bits, axis):
+        candidate = self.build(bits)
+        ratio = candidate.u_ratio if axis == "u" else candidate.v_ratio
+        for x, y in self.grids:
+            used = candidate.coordinate(ratio, x, y[:, None]) * 2.0**-self.fraction_bits
+            if np.abs(used - self.exact[axis][np.ix_(y, x)]).max() > self.budget:
+                return False
+        return True
+
+
+def _half(kept, stored):
+    return 2.0 ** -(kept + 1) if stored > kept else 0.0
+
+
+def connect_divider(m, datapath, parameters, x, y, z):
+    """Drive ``u`` and ``v`` of a datapath with the quotients x/z and y/z of its linear forms, full width."""
+    m.submodules.divider = divider = parameters.divider()
+    ratios = (parameters.u_ratio, parameters.v_ratio)
+    quotients = (divider.quotient_0, divider.quotient_1)
+    m.d.comb += [
+        divider.enable.eq(datapath.enable),
+        divider.divisor.eq(z >> (parameters.z_form.fraction_bits - parameters.divisor_bits)),
+    ]
+    for ratio, value, dividend, quotient, out in zip(
+        ratios, (x, y), (divider.dividend_0, divider.dividend_1), quotients, (datapath.u, datapath.v)
+    ):
+        m.d.comb += [
+            dividend.eq(value >> (ratio.form.fraction_bits - ratio.kept_bits)),
+            out.eq(quotient - (ratio.bias << parameters.fraction_bits)),
+        ]

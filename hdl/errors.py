@@ -1,0 +1,28 @@
+"""The one exception that reaches a user as a message instead of a traceback."""
+
+
+class InputError(ValueError):
+    """Input that cannot be used. ``str(error)`` is one line: ``WHERE: FIELD = VALUE: PROBLEM``.
+
+    Parameters
+    ----------
+    where : str | Path | None
+        The file, or the command-line option, at fault.
+    field : str | None
+        The entry within it, in the file's own spelling.
+    value : object
+        What was found there; shortened so that the message stays one readable line.
+    problem : str
+        What is wrong and, where it helps, what would be right.
+    """
+
+    def __init__(self, where, field, value, problem):
+        location = " = ".join(part for part in (field, _one_line(value)) if part)
+        super().__init__(": ".join(str(part) for part in (where, location, problem) if part))
+
+
+def _one_line(value, limit=80):
+    if value is None:
+        return None
+    text = " ".join(str(value).split())
+    return text if len(text) <= limit else text[: limit - 3] + "..."

@@ -1,0 +1,157 @@
+"""``python -m hdl.generate``: Verilog and plan of the rectifiers for a calibrated stereo camera."""
+
+import json
+import math
+import os
+import re
+import tempfile
+from pathlib import Path
+
+import rich_click as click
+from rich.console import Console
+from rich.table import Table
+
+from hdl import calibration
+from hdl.cli import BorderType, SizeType, run, steps
+from hdl.core import Options, build
+from hdl.coordinates import Border
+from hdl.datapaths import DATAPATHS
+from hdl.errors import InputError
+from hdl.rectification import rectify
+
+SIDES = ("left", "right")
+# Words that are identifiers to a regular expression but not to a Verilog tool.
+VERILOG_KEYWORDS = frozenset(
+    "always and assign begin buf case default defparam else end endcase endmodule event for forever function if initial "
+    "inout input integer module nand negedge nor not or output parameter posedge reg repeat signed table task time tri "
+    "wait wand while wire wor xnor xor generate genvar logic bit byte int".split()
+)
+
+
+def core_options(command):
+    """The options of a command that builds cores, as DESIGN section 7 names them."""
+    for option in reversed((
+        click.argument("calibration", nargs=-1, type=click.Path(path_type=Path)),
+        click.option("--datapath", type=click.Choice(list(DATAPATHS)), default=Options.datapath, show_default=True,
+                     help="How coordinates are computed. " + " ".join(
+                         f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items())),
+        click.option("--max-error", type=float, metavar="PX",
+                     help="Largest coordinate error allowed, px per axis, rounding included."),
+        click.option("--lens/--no-lens", default=None,
+                     help="Correct the lens distortion too, or leave it out as the paper does. Default: with the lens "
+                          "where the datapath can."),
+        click.option("--size", type=SizeType(), help="Frame size, px; scales the calibration. Default: the calibration's."),
+        click.option("--alpha", type=click.FloatRange(0, 1), default=0.0, show_default=True,
+                     help="cv2.stereoRectify's alpha: 0 shows valid pixels only, 1 all source pixels. Not used where "
+                          "the calibration carries its rectification."),
+        click.option("--pixel-bits", type=click.Choice(["8", "10", "12", "16"]), default="8", show_default=True,
+                     help="Bits of a channel."),
+        click.option("--channels", type=click.Choice(["1", "3"]), default="1", show_default=True,
+                     help="Channels of a pixel; 3 with 8 bits only."),
+        click.option("--fraction-bits", type=click.IntRange(3, 8), default=Options.fraction_bits, show_default=True,
+                     help="Fraction bits of the coordinates that are interpolated at; 5 as cv2.remap."),
+        click.option("--border", type=BorderType(), default="constant", show_default=True,
+                     help="What lies outside the source image: one value, or its nearest pixel."),
+        click.option("--max-line-buffer-kib", type=click.IntRange(1), default=Options.max_line_buffer_kib,
+                     show_default=True, metavar="KIB", help="Refuse cores with more line memory than this."),
+        click.option("--top", default="rectify", show_default=True, metavar="NAME",
+                     help="Name of the top module; without --camera, _left and _right are appended."),
+        click.option("--output", type=click.Path(path_type=Path, file_okay=False), default=Path("build"),
+                     show_default=True, metavar="DIR", help="Where the files go."),
+    )):
+        command = option(command)
+    return command
+
+
+@click.command()
+@core_options
+@click.option("--camera", type=click.Choice(SIDES), help="Build this camera only. Default: both.")
+@click.option("--json", "as_json", is_flag=True, help="Print the plans as JSON instead of a table.")
+def generate(camera, as_json, output, **choices):
+    """Write the Verilog of streaming rectification cores, and a plan that says how exact each one is.
+
+    CALIBRATION is the stereo calibration that your tool wrote: one file, or OpenCV's intrinsics and extrinsics pair.
+    Without one, cores for an embedded example rig are built.
+
+    \b
+    python -m hdl.generate                                    both cameras of the example rig, under build/
+    python -m hdl.generate rig.yml --camera left --output rtl
+    python -m hdl.generate rig.yml --datapath accumulate --max-error 0.05
+    """
+    with steps() as progress:
+        cores = build_cores(camera, progress, **choices)
+    write(cores, output)
+    if as_json:
+        click.echo(json.dumps([core.plan.model_dump() for core in cores], indent=2))
+        return
+    Console().print(summary(cores, output))
+
+
+def build_cores(camera, progress, *, calibration: tuple, datapath, max_error, lens, size, alpha, pixel_bits, channels,
+                fraction_bits, border, max_line_buffer_kib, top):
+    """The cores that the command line asks for; ``camera`` None for both. Raises InputError."""
+    check_top(top)
+    if max_error is not None and not (math.isfinite(max_error) and max_error > 0):
+        raise InputError("--max-error", None, max_error, "must be a positive number of pixels")
+    if lens and not DATAPATHS[datapath].supports_lens:
+        able = ", ".join(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)
+        raise InputError("--lens", None, None,
+                         f"{datapath} computes no lens; " + (f"these do: {able}" if able else "no datapath does yet"))
+    if int(channels) == 3 and int(pixel_bits) != 8:
+        raise InputError("--pixel-bits", None, pixel_bits, "3 channels have 8 bits each")
+    if border.value >= 2 ** int(pixel_bits):
+        raise InputError("--border", None, f"constant:{border.value}", f"does not fit into {pixel_bits} bits")
+    options = Options(datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib)
+    progress("calibration")
+    rig = load_rig(calibration, size)
+    views = rectify(rig, alpha=alpha, lens=DATAPATHS[datapath].supports_lens if lens is None else lens)
+    return [
+        build(views[side], options, top if camera else f"{top}_{side}",
+              lambda step, side=side: progress(f"{side} camera: {step}"))
+        for side in ([camera] if camera else SIDES)
+    ]
+
+
+def load_rig(files, size):
+    """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
+    if files:
+        return calibration.load(*files, size=size)
+    rig = calibration.embedded()
+    return rig.scaled(*size) if size else rig
+
+
+def check_top(top):
+    """Raise InputError unless ``top`` can name a Verilog module."""
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,63}", top) or top in VERILOG_KEYWORDS:
+        raise InputError("--top", None, top, "must be a Verilog identifier of up to 64 letters, digits and underscores")
+
+
+def write(cores, directory):
+    """Write TOP.v and TOP.json of each core; all of them or, on an error, none."""
+    directory.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=directory, prefix=".generate-") as scratch:
+        for core in cores:
+            for suffix, text in ((".v", core.verilog), (".json", core.plan.to_json())):
+                (Path(scratch) / (core.plan.top + suffix)).write_text(text, encoding="utf-8")
+        for file in sorted(Path(scratch).iterdir()):
+            os.replace(file, directory / file.name)
+
+
+def summary(cores, directory):
+    """A table of what was built."""
+    table = Table(title=f"Written to {directory}", title_justify="left")
+    for heading in ("core", "camera", "frame", "datapath", "lens", "line buffer", "latency", "largest error u, v"):
+        table.add_column(heading)
+    for core in cores:
+        plan = core.plan
+        kib = core.parameters.line_buffer.bits / 8192
+        table.add_row(
+            f"{plan.top}.v", plan.camera.side, f"{plan.width}x{plan.height}", plan.datapath,
+            "yes" if plan.lens else "no", f"{plan.line_buffer.rows} rows, {kib:.0f} KiB",
+            f"{plan.latency_cycles} clocks", f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px",
+        )
+    return table
+
+
+if __name__ == "__main__":
+    run(generate)

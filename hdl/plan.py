@@ -1,0 +1,97 @@
+"""The plan: what was built and how exact it is, for machines to read (DESIGN section 7)."""
+
+import json
+import re
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+PLAN_VERSION = 1
+
+Row3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Matrix3x3 = Annotated[list[Row3], Field(min_length=3, max_length=3)]
+Row4 = Annotated[list[float], Field(min_length=4, max_length=4)]
+Matrix3x4 = Annotated[list[Row4], Field(min_length=3, max_length=3)]
+
+
+class _Entry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class CameraEntry(_Entry):
+    """The camera whose images the core takes; K and D for the plan's frame size, in px."""
+
+    side: Literal["left", "right"]
+    model: str
+    K: Matrix3x3
+    D: list[float]
+
+
+class RectificationEntry(_Entry):
+    """R rotates the camera's frame into the rectified one, P projects that to rectified px."""
+
+    R: Matrix3x3
+    P: Matrix3x4
+
+
+class BorderEntry(_Entry):
+    mode: Literal["constant", "replicate"]
+    value: int
+
+
+class LineBufferEntry(_Entry):
+    """Source rows kept, and the least and greatest (source row - output row) that is read."""
+
+    rows: int
+    d_lo: int
+    d_hi: int
+
+
+class Statistics(_Entry):
+    """Mean and greatest magnitude, px."""
+
+    mean: float
+    max: float
+
+
+class RoundedEntry(_Entry):
+    u: Statistics
+    v: Statistics
+
+
+class ErrorEntry(_Entry):
+    """The hardware's coordinates against the float64 map, over the ``pixels`` whose exact source is in the image."""
+
+    u: Statistics
+    v: Statistics
+    euclidean_max: float
+    pixels: int
+    rounded: RoundedEntry
+
+
+class Plan(_Entry):
+    """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned)."""
+
+    plan_version: Literal[1] = PLAN_VERSION
+    top: str
+    camera: CameraEntry
+    rectification: RectificationEntry
+    width: int
+    height: int
+    lens: bool
+    datapath: str
+    fraction_bits: int
+    pixel_bits: int
+    channels: int
+    border: BorderEntry
+    line_buffer: LineBufferEntry
+    latency_cycles: int
+    formats: dict[str, str]
+    max_error_requested: float | None
+    error: ErrorEntry
+    verilog_sha256: str
+
+    def to_json(self):
+        """JSON text, one matrix row a line."""
+        text = json.dumps(self.model_dump(), indent=2)
+        return re.sub(r"\[[^\[\]{}]*\]", lambda row: " ".join(row.group().split()), text) + "\n"

