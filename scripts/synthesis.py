@@ -1,0 +1,83 @@
+"""Resources of a core on a Xilinx 7-series FPGA, by Yosys."""
+
+import hashlib
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from hdl import yosys
+
+
+@dataclass(frozen=True)
+class Resources:
+    """Cells after synthesis.
+
+    Members
+    -------
+    ff : int
+        Flip-flops.
+    lut : int
+        All look-up tables: logic (inverters counted as one each), shift registers and distributed memory.
+    srl, lut_ram : int
+        The shift registers and the memory among them.
+    carry4, dsp, ramb18, ramb36 : int
+    """
+
+    ff: int
+    lut: int
+    srl: int
+    lut_ram: int
+    carry4: int
+    dsp: int
+    ramb18: int
+    ramb36: int
+
+    @classmethod
+    def count(cls, cells):
+        """From cell names and their numbers."""
+
+        def total(pattern):
+            return sum(number for cell, number in cells.items() if re.fullmatch(pattern, cell))
+
+        srl = total(r"SRL16E?|SRLC(16|32)E")
+        lut_ram = 2 * total(r"RAM(32|64)X1D(_1)?|RAM128X1S.*") + 4 * total(r"RAM(32|64)M|RAM128X1D.*")
+        return cls(
+            ff=total(r"FD[RSCP]E(_1)?|LD[CP]E"),
+            lut=total(r"LUT[1-6]|INV") + srl + lut_ram,
+            srl=srl,
+            lut_ram=lut_ram,
+            carry4=total("CARRY4"),
+            dsp=total("DSP48E1"),
+            ramb18=total("RAMB18E1"),
+            ramb36=total("RAMB36E1"),
+        )
+
+
+def conditions(dsp):
+    """How `synthesise` measures, in words."""
+    return f"Yosys {yosys.version().split('.post')[0]}, {_command('TOP', dsp)}"
+
+
+def _command(top, dsp):
+    return f"synth_xilinx -family xc7 -flatten -noiopad{'' if dsp else ' -nodsp'} -top {top}"
+
+
+def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
+    """`Resources` of the module ``top`` of a Verilog text; ``dsp`` allows multipliers in DSP blocks.
+
+    Results are cached by content. Raises RuntimeError with Yosys's own error line and the log's path.
+    """
+    command = _command(top, dsp)
+    key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
+    work = Path(cache) / f"synthesis-{key}"
+    result = work / "cells.json"
+    if not result.exists():
+        work.mkdir(parents=True, exist_ok=True)
+        (work / "core.v").write_text(verilog, encoding="utf-8")
+        yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
+        cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
+        temporary = result.with_suffix(".tmp")
+        temporary.write_text(json.dumps(cells))
+        temporary.replace(result)
+    return Resources.count(json.loads(result.read_text()))
