@@ -112,10 +112,7 @@ def build_cores(camera, progress, *, calibration: tuple, datapath, max_error, le
 
 def load_rig(files, size):
     """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
-    if files:
-        return calibration.load(*files, size=size)
-    rig = calibration.embedded()
-    return rig.scaled(*size) if size else rig
+    return calibration.load(*files, size=size) if files else calibration.embedded(size)
 
 
 def check_top(top):

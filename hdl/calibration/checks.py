@@ -1,0 +1,151 @@
+"""What a calibration has to satisfy before anything is computed from it, whichever format it came in."""
+
+import math
+
+import cv2
+import numpy as np
+
+from hdl.calibration.rig import SIDES, Rig
+from hdl.errors import InputError
+
+SIZE_RANGE = (16, 16384)  # px
+ROTATION_TOLERANCE = 1e-3  # of R^T R from I: files round to as little as four digits
+POLYNOMIAL_COUNTS = (0, 4, 5, 8, 12, 14)
+EQUIDISTANT_COUNTS = (4,)
+# A file's own rectification is used as it stands; only one that belongs to another rig is refused.
+CONTRADICTION = 0.1  # rad
+
+
+def array(where: str, field: str, values, shape: tuple[int, ...]) -> np.ndarray:
+    """``values``, a flat list of numbers in row order, as float64 of ``shape``.
+
+    Raises InputError for a value that is not a finite number and for a wrong count.
+    """
+    if not isinstance(values, list) or len(values) != math.prod(shape):
+        found = f"{len(values)} values" if isinstance(values, list) else values
+        raise InputError(where, field, found, f"{math.prod(shape)} numbers are needed")
+    for index, value in enumerate(values):
+        if not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise InputError(where, f"{field}[{index}]", value, "not a finite number")
+    return np.array(values, dtype=np.float64).reshape(shape)
+
+
+def whole(where: str, field: str | None, value) -> int:
+    """``value`` as int. Raises InputError unless it is a whole number."""
+    if not isinstance(value, (int, float)) or not math.isfinite(value) or value % 1:
+        raise InputError(where, field, value, "a whole number of pixels is needed")
+    return int(value)
+
+
+def image_size(where: str, field: str | None, width, height) -> tuple[int, int]:
+    """Width and height in px, as int. Raises InputError unless both are whole numbers within SIZE_RANGE."""
+    size = tuple(whole(where, field, value) for value in (width, height))
+    low, high = SIZE_RANGE
+    if not all(low <= value <= high for value in size):
+        raise InputError(where, field, f"{size[0]}x{size[1]}", f"an image size must lie between {low} and {high} px")
+    return size
+
+
+def check(rig: Rig) -> Rig:
+    """``rig`` itself. Raises InputError, naming file, field and value, for the first thing that cannot be right."""
+    image_size(*rig.fields.get("size", (rig.source, "size")), rig.width, rig.height)
+    for number, side in enumerate(SIDES, start=1):
+        _check_matrix(rig, f"K{number}", rig.camera(side).K, principal_point_inside=True)
+        _check_lens(rig, f"D{number}", rig.camera(side))
+    _check_rotation(rig, "R", rig.R)
+    _check_baseline(rig)
+    if rig.rectification:
+        _check_rectification(rig)
+    return rig
+
+
+def _pinhole_range(rig):
+    """Least and greatest focal length, px: views of 168 and of half a degree. Beyond lie focal lengths in mm or m."""
+    extent = max(rig.width, rig.height)
+    return extent / 20, extent * 100
+
+
+def _check_matrix(rig, role, K, principal_point_inside):
+    """Upper triangular, K[2][2] = 1, focal lengths and centre that fit the image."""
+    _check_finite(rig, role, K)
+    below = np.abs([K[1, 0], K[2, 0], K[2, 1]]).max()
+    if abs(K[2, 2] - 1) > 1e-6 or below > 1e-6:
+        raise rig.fault(role, K, "not of the form [fx s cx; 0 fy cy; 0 0 1]")
+    low, high = _pinhole_range(rig)
+    for name, f in (("fx", K[0, 0]), ("fy", K[1, 1])):
+        if f <= 0:
+            raise rig.fault(role, f"{name} {f:g}", "singular or mirrored: a focal length must be positive")
+        if not low <= f <= high:
+            raise rig.fault(role, f"{name} {f:g}", f"no focal length in px for {rig.width}x{rig.height} images")
+    for name, c in (("skew", K[0, 1]), ("cx", K[0, 2]), ("cy", K[1, 2])):
+        if abs(c) > high:
+            raise rig.fault(role, f"{name} {c:g}", f"far outside a {rig.width}x{rig.height} image")
+    if principal_point_inside:
+        for name, c, extent in (("cx", K[0, 2], rig.width), ("cy", K[1, 2], rig.height)):
+            if not 0 <= c <= extent - 1:
+                problem = f"the principal point lies outside the {rig.width}x{rig.height} image: of another size?"
+                raise rig.fault(role, f"{name} {c:g}", problem)
+
+
+def _check_lens(rig, role, camera):
+    _check_finite(rig, role, camera.D)
+    counts = EQUIDISTANT_COUNTS if camera.model == "equidistant" else POLYNOMIAL_COUNTS
+    if camera.D.size not in counts:
+        accepted = " or ".join(map(str, counts))
+        raise rig.fault(role, f"{camera.D.size} coefficients", f"a lens of model {camera.model} has {accepted}")
+
+
+def _check_rotation(rig, role, R):
+    _check_finite(rig, role, R)
+    off = np.abs(R.T @ R - np.eye(3)).max() if np.abs(R).max() < 2 else np.inf
+    if off > ROTATION_TOLERANCE:
+        raise rig.fault(role, R, f"not a rotation: R^T R differs from the identity by {off:.2g}")
+    if np.linalg.det(R) < 0:
+        raise rig.fault(role, R, "not a rotation: its determinant is -1")
+
+
+def _check_baseline(rig):
+    """The right camera beside the left one, and on its right."""
+    T = rig.T
+    _check_finite(rig, "T", T)
+    if not T.any():
+        raise rig.fault("T", T, "the two cameras are in one place; a stereo rig has a baseline")
+    if not 1e-9 < np.abs(T).max() < 1e9:
+        raise rig.fault("T", T, "no length of a baseline in any unit")
+    x, y, _ = half_rotation(rig.R) @ T
+    if abs(y) > abs(x):
+        problem = "one camera is above the other; turn the images and the calibration by 90 degrees"
+        raise rig.fault("T", T, problem)
+    if x >= 0:
+        problem = "the first camera is on the right; exchange the cameras (x_right = R x_left + T needs T.x < 0)"
+        raise rig.fault("T", T, problem)
+
+
+def _check_rectification(rig):
+    for number, side in enumerate(SIDES, start=1):
+        R, P = rig.rectification[side]
+        _check_rotation(rig, f"R{number}", R)
+        _check_finite(rig, f"P{number}", P)
+        _check_matrix(rig, f"P{number}", P[:, :3], principal_point_inside=False)
+    (R1, P1), (R2, P2) = (rig.rectification[side] for side in SIDES)
+    if np.abs(P1[1, :3] - P2[1, :3]).max() > 0.01:
+        raise rig.fault("P2", P2[1], f"not row-aligned with the left camera's {P1[1].tolist()}")
+    if abs(P2[1, 3]) > abs(P2[0, 3]):
+        raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")
+    if P2[0, 3] - P1[0, 3] > 0:
+        raise rig.fault("P2", P2[0], "the baseline has the wrong sign for a camera on the right")
+    turn = np.linalg.norm(cv2.Rodrigues(R2 @ rig.R @ R1.T)[0])
+    baseline = R2 @ rig.T / np.linalg.norm(rig.T)
+    if turn > CONTRADICTION or np.hypot(baseline[1], baseline[2]) > CONTRADICTION:
+        problem = "does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along x"
+        raise rig.fault("R2", R2, problem)
+
+
+def half_rotation(R: np.ndarray) -> np.ndarray:
+    """(3, 3): the rotation by half the angle of ``R``, backwards; it takes the right camera half way to the left."""
+    return cv2.Rodrigues(-0.5 * cv2.Rodrigues(R)[0])[0]
+
+
+def _check_finite(rig, role, values):
+    if not np.isfinite(values).all():
+        raise rig.fault(role, values, "not finite")

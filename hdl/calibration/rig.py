@@ -1,0 +1,101 @@
+"""What every calibration format is turned into: two cameras, and how one stands to the other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hdl.errors import InputError
+
+SIDES = ("left", "right")
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """One pinhole camera with its lens.
+
+    Members
+    -------
+    model : str
+        "radtan", "rational", "thin_prism", "tilted" (OpenCV's polynomial model, ever more of its terms in use) or
+        "equidistant" (Kannala-Brandt, OpenCV's fisheye module).
+    K : (3, 3) float64
+        Camera matrix, px, pixel centres at integers. Upper triangular; K[0, 1] is the skew.
+    D : (n,) float64
+        Lens coefficients in OpenCV's order, as the file has them: n = 0, 4, 5, 8, 12 or 14; 4 for "equidistant".
+    """
+
+    model: str
+    K: np.ndarray
+    D: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A calibrated stereo pair; x_right = R x_left + T.
+
+    Members
+    -------
+    source : str
+        The file, for messages. Several files are joined by ", ".
+    width, height : int
+        Size of both source images, px.
+    left, right : Camera
+    R : (3, 3) float64
+    T : (3,) float64
+        In ``unit``, which is None where the format does not fix one.
+    rectification : dict of side to (R (3, 3), P (3, 4)), or None
+        The rectification that the file carries: rectifying rotation and projection of each camera.
+    fields : mapping of role to (file, field)
+        How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2". For messages only.
+    """
+
+    source: str
+    width: int
+    height: int
+    left: Camera
+    right: Camera
+    R: np.ndarray
+    T: np.ndarray
+    unit: str | None = None
+    rectification: dict[str, tuple[np.ndarray, np.ndarray]] | None = None
+    fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
+
+    def camera(self, side: str) -> Camera:
+        return {"left": self.left, "right": self.right}[side]
+
+    def scaled(self, width: int, height: int) -> "Rig":
+        """The same rig with its images resampled to ``width`` x ``height`` px.
+
+        Pixel centres lie at integers, so that c' = (c + 0.5)*s - 0.5 and f' = f*s on each axis; the skew scales as
+        u does. D, R and T do not depend on the size.
+        """
+        if (width, height) == (self.width, self.height):
+            return self
+        sx, sy = width / self.width, height / self.height
+        scale = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]])
+        rectification = self.rectification and {side: (R, scale @ P) for side, (R, P) in self.rectification.items()}
+        return replace(
+            self,
+            width=width,
+            height=height,
+            left=replace(self.left, K=scale @ self.left.K),
+            right=replace(self.right, K=scale @ self.right.K),
+            rectification=rectification,
+        )
+
+    def fault(self, role: str, value, problem: str) -> InputError:
+        """The error for what is wrong with the field in ``role``, in the file's own spelling."""
+        where, name = self.fields.get(role, (self.source, role))
+        return InputError(where, name, value.tolist() if isinstance(value, np.ndarray) else value, problem)
+
+
+def polynomial_model(D: np.ndarray) -> str:
+    """Name the smallest of OpenCV's polynomial models that has every non-zero coefficient of ``D``, (n,) with n <= 14.
+
+    Files often carry more coefficients than were calibrated: stereo_calib writes 14 of which at most 8 are used.
+    """
+    used = int(np.max(np.flatnonzero(D), initial=-1)) + 1
+    return next(
+        name for name, count in (("radtan", 5), ("rational", 8), ("thin_prism", 12), ("tilted", 14)) if used <= count
+    )
