@@ -27,10 +27,11 @@ class Q:
     @classmethod
     def covering(cls, lowest, highest, fraction_bits):
         """The narrowest format that holds every stored integer in ``lowest..highest`` (both inclusive)."""
+        lowest, highest = int(lowest), int(highest)
         if lowest > highest:
             raise ValueError(f"empty range {lowest}..{highest}")
         is_signed = lowest < 0
-        width = max(int(highest).bit_length(), (~int(lowest)).bit_length() if is_signed else 0) + is_signed
+        width = max(highest.bit_length(), (~lowest).bit_length() if is_signed else 0) + is_signed
         return cls(max(width, 1) - fraction_bits, fraction_bits, is_signed)
 
     @property

@@ -13,6 +13,8 @@ class Raster(wiring.Component):
     ----------
     width, height : int
         Frame size, px.
+    warm_up : int
+        After reset, begin this many positions before the first one, with the last ones of a row; less than ``width``.
 
     Members
     -------
@@ -24,14 +26,14 @@ class Raster(wiring.Component):
         It is the frame's first one, its row's last one, the frame's last one.
     """
 
-    def __init__(self, width, height):
+    def __init__(self, width, height, warm_up=0):
         self._width = width
         self._height = height
         super().__init__({
             "step": In(1),
-            "x": Out(ceil_log2(width)),
-            "y": Out(ceil_log2(height)),
-            "start_of_frame": Out(1, init=1),
+            "x": Out(ceil_log2(width), init=-warm_up % width),
+            "y": Out(ceil_log2(height), init=height - 1 if warm_up else 0),
+            "start_of_frame": Out(1, init=not warm_up),
             "end_of_line": Out(1),
             "end_of_frame": Out(1),
         })

@@ -48,7 +48,7 @@ class RectifierParameters:
             raise ValueError(f"pixels are 1 channel of {PIXEL_BITS} bits or 3 of 8, not {self.channels} of {self.pixel_bits}")
         if not 0 <= self.border.value < 2**self.pixel_bits:
             raise ValueError(f"border value {self.border.value} does not fit into {self.pixel_bits} bits")
-        if self.datapath.latency + LineBuffer.latency >= self.datapath.width:
+        if max(self.datapath.latency + LineBuffer.latency, self.datapath.warm_up) >= self.datapath.width:
             raise ValueError(f"a row of {self.datapath.width} px is shorter than the pipeline")
 
     @cached_property
@@ -143,16 +143,22 @@ class Rectifier(wiring.Component):
 
         m.submodules.capture = capture = Capture(width, height)
         m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead)
-        m.submodules.raster = raster = Raster(width, height)
+        m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up)
         m.submodules.datapath = datapath = p.datapath.component()
         m.submodules.line_buffer = line_buffer = LineBuffer(p.line_buffer)
         m.submodules.bilinear = bilinear = Bilinear(p.pixel_bits, p.channels, p.datapath.fraction_bits)
 
         enable = Signal()
+        warm = Signal(init=not p.datapath.warm_up)
+        step = Signal()
         issue = Signal()
+        if p.datapath.warm_up:
+            with m.If(step & raster.end_of_frame):
+                m.d.sync += warm.eq(1)
         m.d.comb += [
             enable.eq(~self.m_axis_tvalid | self.m_axis_tready),
-            issue.eq(enable & flow.may_issue),
+            step.eq(enable & (flow.may_issue | ~warm)),
+            issue.eq(step & warm),
             # s_axis to the line buffer
             capture.valid.eq(self.s_axis_tvalid),
             self.s_axis_tready.eq(capture.ready),
@@ -169,9 +175,9 @@ class Rectifier(wiring.Component):
             flow.row_issued.eq(issue & raster.end_of_line),
             flow.frame_issued.eq(issue & raster.end_of_frame),
             # raster positions to coordinates
-            raster.step.eq(issue),
+            raster.step.eq(step),
             datapath.enable.eq(enable),
-            datapath.step.eq(issue),
+            datapath.step.eq(step),
             datapath.x.eq(raster.x),
             datapath.y.eq(raster.y),
             datapath.end_of_line.eq(raster.end_of_line),

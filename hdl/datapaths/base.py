@@ -92,6 +92,11 @@ class Datapath(ABC):
     def latency(self):
         """Enabled clocks from a position to its coordinates."""
 
+    @property
+    def warm_up(self):
+        """Steps that the hardware needs after reset, through the last positions of a frame, before the first one."""
+        return 0
+
     @abstractmethod
     def component(self):
         """The hardware, a `wiring.Component` with the `signature` below."""
