@@ -1,0 +1,238 @@
+"""``python -m sim.run``: real frames through the generated cores, and how exact they came out."""
+
+import json
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import rich_click as click
+from rich.console import Console
+
+from hdl.cli import camera_table, run, steps
+from hdl.errors import InputError
+from hdl.generate import SIDES, build_cores, core_options, load_rig, write
+from sim.alignment import row_difference
+from sim.beats import to_beats, to_frames
+from sim.engine import compile_core
+from sim.overlay import epipolar_overlay
+from sim.remap import cv2_remap, remap
+from sim.scene import render, visible_points
+
+KNOWN_POINTS = 4000
+
+
+@dataclass(frozen=True)
+class Result:
+    """One camera's frame through its core.
+
+    Members
+    -------
+    core : hdl.core.Core
+    source, rectified : (H, W) or (H, W, 3)
+        What went in and what the hardware gave out.
+    model_differences : int
+        Pixels that differ from the integer model's; 0 unless something is broken.
+    cv2_differences : int or None
+        Pixels that differ from cv2.remap's with the same fixed-point coordinates; None where OpenCV has no such
+        arithmetic (pixels of more than 8 bits, other than 5 fraction bits).
+    exact_difference : float
+        Mean gray-level difference from the map in float64, in steps of the pixel's own scale.
+    seconds, cycles, compile_seconds
+        The frame's run, and making the simulator.
+    """
+
+    core: object
+    source: np.ndarray
+    rectified: np.ndarray
+    model_differences: int
+    cv2_differences: int | None
+    exact_difference: float
+    seconds: float
+    cycles: int
+    compile_seconds: float
+
+
+@click.command()
+@core_options
+@click.option("--left", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the left camera.")
+@click.option("--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera.")
+@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
+def simulate(left, right, as_json, output, calibration, size, **choices):
+    """Build the cores of both cameras and run a frame of each through the generated Verilog.
+
+    Give your own pair with --left and --right, as large as the calibration's images (or as --size). Without them, a
+    scene is rendered as the two cameras would see it; there the true row of every point is known, before and after.
+
+    \b
+    python -m sim.run
+    python -m sim.run rig.yml --left L.png --right R.png --output build/mine
+    """
+    if (left is None) != (right is None):
+        raise InputError("--right" if left else "--left", None, None, "give both images or neither")
+    with steps() as progress:
+        progress("calibration")
+        rig = load_rig(calibration, size)
+        cores = dict(zip(SIDES, build_cores(None, progress, calibration=calibration, size=size, **choices)))
+        plan = cores["left"].plan
+        if left:
+            sources = {side: read_image(file, plan) for side, file in (("left", left), ("right", right))}
+        else:
+            progress("rendering the scene")
+            sources = render(rig, plan.lens, bits=plan.pixel_bits, channels=plan.channels)
+        write(cores.values(), output)
+        progress("compiling the Verilog for simulation")
+        with ThreadPoolExecutor() as pool:
+            compiled = dict(zip(SIDES, pool.map(lambda core: _compile(core, output / "cache"), cores.values())))
+        progress("running the frames")
+        results = {side: frame_through(cores[side], *compiled[side], sources[side]) for side in SIDES}
+        progress("row differences and pictures")
+        rows = None if left else known_rows(rig, results)
+        pictures = write_pictures(results, output)
+
+    broken = sum(result.model_differences + (result.cv2_differences or 0) for result in results.values())
+    if as_json:
+        click.echo(json.dumps(as_dict(results, rows, pictures), indent=2))
+    else:
+        _print(results, rows, pictures)
+    return 1 if broken else 0
+
+
+def read_image(file, plan):
+    """An image as a source frame of the plan's size and pixel format; raises InputError where it is none.
+
+    Gray cores take colour images as gray. Images of 8 bits are scaled up for cores of more.
+    """
+    image = cv2.imread(str(file), cv2.IMREAD_COLOR if plan.channels == 3 else cv2.IMREAD_ANYDEPTH)
+    if image is None:
+        raise InputError(file, None, None, "is not an image that OpenCV can read")
+    height, width = image.shape[:2]
+    if (width, height) != (plan.width, plan.height):
+        raise InputError(file, "size", f"{width}x{height}",
+                         f"the calibration is for {plan.width}x{plan.height}; --size {width}x{height} scales it")
+    if image.dtype == np.uint8:
+        return image if plan.pixel_bits == 8 else image.astype(np.uint16) << (plan.pixel_bits - 8)
+    if image.dtype != np.uint16 or int(image.max()) >> plan.pixel_bits:
+        raise InputError(file, "pixels", f"{image.dtype} up to {image.max()}",
+                         f"do not fit {plan.pixel_bits} bits; see --pixel-bits")
+    return image
+
+
+def _compile(core, cache):
+    start = time.perf_counter()
+    return compile_core(core.verilog, core.plan.top, cache=cache), time.perf_counter() - start
+
+
+def frame_through(core, compiled, compile_seconds, source):
+    """Run one frame through a compiled core and compare; returns a `Result`."""
+    plan, coordinates = core.plan, core.parameters.datapath.coordinates
+    start = time.perf_counter()
+    stream = compiled.run(to_beats(source, channels=plan.channels, pixel_bits=plan.pixel_bits))
+    (rectified,) = to_frames(
+        stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits
+    )
+    seconds = time.perf_counter() - start
+    border = (plan.border.mode, plan.border.value)
+    model = remap(source, coordinates.u, coordinates.v, plan.fraction_bits, *border)
+    same_in_cv2 = plan.pixel_bits == 8 and plan.fraction_bits == 5
+    cv2_pixels = cv2_remap(source, coordinates.u, coordinates.v, *border) if same_in_cv2 else None
+    exact = cv2.remap(
+        source, *(axis.astype(np.float32) for axis in core.exact), cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE if border[0] == "replicate" else cv2.BORDER_CONSTANT, borderValue=[border[1]] * 3,
+    )
+    return Result(
+        core, source, rectified,
+        _different_pixels(rectified, model),
+        None if cv2_pixels is None else _different_pixels(rectified, cv2_pixels),
+        float(np.abs(rectified.astype(float) - exact).mean()),
+        seconds, stream.cycles, compile_seconds,
+    )
+
+
+def _different_pixels(a, b):
+    different = a != b
+    return int(np.count_nonzero(different.any(axis=-1) if different.ndim == 3 else different))
+
+
+def known_rows(rig, results):
+    """True row differences of points of the rendered scene, before and after the hardware: two `RowDifference`."""
+    _, points = visible_points(rig, results["left"].core.plan.lens, KNOWN_POINTS)
+    maps = {}
+    for side, result in results.items():
+        coordinates = result.core.parameters.datapath.coordinates
+        maps[side] = (coordinates.u * 2.0**-coordinates.fraction_bits, coordinates.v * 2.0**-coordinates.fraction_bits)
+    return {"before": row_difference(None, points), "after": row_difference(maps, points)}
+
+
+def write_pictures(results, directory):
+    """Write the source and the rectified images and the epipolar overlays; returns their paths by name."""
+    images = {}
+    for stage in ("source", "rectified"):
+        pair = [getattr(results[side], stage) for side in SIDES]
+        images.update({f"{side}_{stage}": image for side, image in zip(SIDES, pair)})
+        shift = results["left"].core.plan.pixel_bits - 8
+        images[f"epipolar_{stage}"] = epipolar_overlay(*((image >> shift).astype(np.uint8) for image in pair))
+    paths = {}
+    for name, image in images.items():
+        paths[name] = directory / f"{name}.png"
+        if not cv2.imwrite(str(paths[name]), image):
+            raise OSError(f"{paths[name]}: cannot be written")
+    return paths
+
+
+def as_dict(results, rows, pictures):
+    """The results for machines."""
+    return {
+        "cameras": {
+            side: {
+                "plan": result.core.plan.model_dump(),
+                "pixels_different_from_model": result.model_differences,
+                "pixels_different_from_cv2_remap": result.cv2_differences,
+                "mean_gray_difference_from_exact_map": result.exact_difference,
+                "cycles": result.cycles,
+                "seconds": result.seconds,
+                "compile_seconds": result.compile_seconds,
+            }
+            for side, result in results.items()
+        },
+        "row_difference": rows and {stage: row._asdict() for stage, row in rows.items()},
+        "pictures": {name: str(path) for name, path in pictures.items()},
+    }
+
+
+def _print(results, rows, pictures):
+    console = Console(highlight=False)
+    plan = results["left"].core.plan
+    total = plan.width * plan.height
+    lens = f"{'with' if plan.lens else 'without'} the lens"
+    rows_of_table = (
+        ("pixels unlike the integer model's", lambda r: f"{r.model_differences} of {total}"),
+        ("pixels unlike cv2.remap's, same coordinates",
+         lambda r: "not comparable" if r.cv2_differences is None else f"{r.cv2_differences} of {total}"),
+        ("mean gray-level difference, exact map", lambda r: f"{r.exact_difference:.3f}"),
+        ("coordinate error u, v: mean",
+         lambda r: f"{r.core.plan.error.u.mean:.4f}, {r.core.plan.error.v.mean:.4f} px"),
+        ("coordinate error u, v: max",
+         lambda r: f"{r.core.plan.error.u.max:.4f}, {r.core.plan.error.v.max:.4f} px"),
+        ("line buffer", lambda r: f"{r.core.plan.line_buffer.rows} rows"),
+        ("clocks for the frame", lambda r: f"{r.cycles}"),
+        ("simulated in", lambda r: f"{r.seconds:.2f} s"),
+    )
+    console.print(camera_table(
+        f"A frame through each core's Verilog: {plan.width}x{plan.height}, {plan.datapath}, {lens}", SIDES,
+        [(name, [text(results[side]) for side in SIDES]) for name, text in rows_of_table],
+    ))
+    if rows:
+        before, after = rows["before"], rows["after"]
+        console.print(
+            f"Rows of {after.n} known points in the left and right image differ by {before.mean:.2f} px on average "
+            f"(at most {before.max:.2f}) before, {after.mean:.3f} px (at most {after.max:.3f}) after."
+        )
+    for name, path in pictures.items():
+        console.print(f"{name.replace('_', ' '):>18}  {path}")
+
+
+if __name__ == "__main__":
+    run(simulate)
