@@ -209,9 +209,9 @@ def _print(results, rows, pictures):
     lens = f"{'with' if plan.lens else 'without'} the lens"
     rows_of_table = (
         ("pixels unlike the integer model's", lambda r: f"{r.model_differences} of {total}"),
-        ("pixels unlike cv2.remap's, same coordinates",
+        ("pixels unlike cv2.remap's",
          lambda r: "not comparable" if r.cv2_differences is None else f"{r.cv2_differences} of {total}"),
-        ("mean gray-level difference, exact map", lambda r: f"{r.exact_difference:.3f}"),
+        ("mean gray-level error, exact map", lambda r: f"{r.exact_difference:.3f}"),
         ("coordinate error u, v: mean",
          lambda r: f"{r.core.plan.error.u.mean:.4f}, {r.core.plan.error.v.mean:.4f} px"),
         ("coordinate error u, v: max",
