@@ -31,7 +31,7 @@ class Q:
         if lowest > highest:
             raise ValueError(f"empty range {lowest}..{highest}")
         is_signed = lowest < 0
-        width = max(highest.bit_length(), (~lowest).bit_length() if is_signed else 0) + is_signed
+        width = max(max(highest, 0).bit_length(), (~lowest).bit_length() if is_signed else 0) + is_signed
         return cls(max(width, 1) - fraction_bits, fraction_bits, is_signed)
 
     @property

@@ -1,0 +1,189 @@
+"""Least-maximum fits of discrete splines, degree 1 across and 2 down, to one coordinate of a map."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+# Columns that a cell must have, so that the words of the next one can be loaded meanwhile.
+LEAST_CELL = 6
+# Weight of pixels whose source is outside the image: enough to keep the surface from running away there.
+OUTSIDE = 1e-5
+
+
+@dataclass(frozen=True)
+class Cells:
+    """How a frame is divided.
+
+    Across, cells are ``cell_width`` px and end with the last column. What is left over at the first column is a shorter
+    cell, or, if that were shorter than ``LEAST_CELL``, lengthens the first one. A node stands at the column where each
+    cell begins (or would, were it of full width), and one after the last column. Down, cells are ``cell_height`` rows from row 0; the
+    slope of a node changes every ``slope_rows`` rows.
+
+    Parameters
+    ----------
+    width, height : int
+        Frame, px.
+    cell_width, cell_height, slope_rows : int
+        Powers of two; slope_rows divides cell_height.
+    """
+
+    width: int
+    height: int
+    cell_width: int
+    cell_height: int
+    slope_rows: int
+
+    @property
+    def columns(self):
+        """Cells across."""
+        return (self.width + self.offset) // self.cell_width
+
+    @property
+    def rows(self):
+        """Cells down."""
+        return -(-self.height // self.cell_height)
+
+    @property
+    def offset(self):
+        """Columns by which the first node lies left of the frame; negative where the first cell is lengthened."""
+        over = self.width % self.cell_width
+        return self.cell_width - over if over >= LEAST_CELL else -over
+
+    @cached_property
+    def place(self):
+        """Each column's cell and its distance from that cell's first node: two int64 (width,), px."""
+        from_first_node = np.arange(self.width) + self.offset
+        cell = np.maximum(from_first_node // self.cell_width, 0)
+        return cell, from_first_node - cell * self.cell_width
+
+    @property
+    def slopes(self):
+        """Changes of slope in a cell."""
+        return self.cell_height // self.slope_rows
+
+    @property
+    def scale(self):
+        """What the integer weights of `basis` sum to in each row."""
+        return self.cell_height * self.slopes
+
+    @cached_property
+    def basis(self):
+        """Integer weights of the controls in a node's value, int64 (height, rows + 2), in units of 1/`scale`.
+
+        The discrete quadratic B-spline that the hardware's two accumulators run through: with controls q, the value
+        starts at cell_height * ((slopes + 1) q0 + (slopes - 1) q1) / 2 and its slope at slopes * (q1 - q0); each row
+        adds the slope to the value, and after every ``slope_rows`` rows q[r] - 2 q[r+1] + q[r+2] is added to the slope,
+        r being the cell. Each row depends on three controls.
+        """
+        return self._run[0]
+
+    @cached_property
+    def slope_basis(self):
+        """Weights of the controls in a node's slope, likewise."""
+        return self._run[1]
+
+    @cached_property
+    def _run(self):
+        q = np.eye(self.rows + 2, dtype=np.int64)
+        value = self.cell_height * ((self.slopes + 1) * q[0] + (self.slopes - 1) * q[1]) // 2
+        slope = self.slopes * (q[1] - q[0])
+        values, slopes = [], []
+        for y in range(self.height):
+            values.append(value)
+            slopes.append(slope)
+            value = value + slope
+            if y % self.slope_rows == self.slope_rows - 1:
+                r = y // self.cell_height
+                slope = slope + q[r] - 2 * q[r + 1] + q[r + 2]
+        return np.array(values), np.array(slopes)
+
+
+class Fit:
+    """Controls, float64 (columns + 1, rows + 2), of the spline closest to ``target`` in the maximum norm.
+
+    Lawson's method: weighted least squares, the weights multiplied up where the error is large. The normal equations are
+    banded, so a step costs little more than reading the samples; of large frames only every few pixels are.
+
+    Parameters
+    ----------
+    cells : Cells
+    target : float64 (height, width)
+        Source coordinate, px.
+    inside : bool (height, width)
+        Pixels that count.
+
+    Members
+    -------
+    controls
+    error : float
+        Largest error at the samples, px.
+    """
+
+    STEPS = 6
+    SAMPLES = 400_000  # at most about as many
+
+    def __init__(self, cells, target, inside):
+        self.cells = cells
+        spacing = 1
+        while target.size > self.SAMPLES * spacing**2 and 2 * spacing < min(cells.cell_width, cells.slope_rows, 8):
+            spacing *= 2
+        # The last row and column, too: beyond them nothing holds the surface.
+        rows = np.unique(np.append(np.arange(0, cells.height, spacing), cells.height - 1))
+        columns = np.unique(np.append(np.arange(0, cells.width, spacing), cells.width - 1))
+        self.basis = cells.basis[rows] / cells.scale
+        self.cell, along = (part[columns] for part in cells.place)
+        self.first = np.searchsorted(self.cell, np.arange(cells.columns))  # sample where each cell begins
+        self.along = along / cells.cell_width
+        self.target = target[np.ix_(rows, columns)]
+        counts = inside[np.ix_(rows, columns)]
+        weight = np.where(counts, 1.0, OUTSIDE)
+        self.error, self.controls = np.inf, None
+        for _ in range(self.STEPS):
+            controls = self._solve(weight)
+            error = np.abs(self._surface(controls) - self.target)
+            worst = float(error[counts].max())
+            if worst < self.error:
+                self.error, self.controls = worst, controls
+            weight = np.where(counts, weight * (error / worst + 0.02), 0)
+            weight = np.where(counts, weight / weight.max(), OUTSIDE * weight.mean() / weight.max())
+
+    def _surface(self, controls):
+        nodes = self.basis @ controls.T
+        left = nodes[:, self.cell]
+        return left + (nodes[:, self.cell + 1] - left) * self.along
+
+    def _solve(self, weight):
+        a, b = 1 - self.along, self.along
+
+        def in_cells(samples):
+            return np.add.reduceat(samples, self.first, axis=1)
+
+        height, n = self.basis.shape
+        nodes = self.cells.columns + 1
+        same, right_side = np.zeros((height, nodes)), np.zeros((height, nodes))
+        next_node = in_cells(weight * (a * b))
+        same[:, :-1] += in_cells(weight * (a * a))
+        same[:, 1:] += in_cells(weight * (b * b))
+        moment = weight * self.target
+        right_side[:, :-1] += in_cells(moment * a)
+        right_side[:, 1:] += in_cells(moment * b)
+        # Unknowns in the order node, control: each row of the matrix couples a node with itself and its neighbour, a
+        # control with the two on either side.
+        bands = np.zeros((n + 3, nodes * n))
+
+        def put(products, node_step, control_step):
+            first, last = max(0, -control_step), n - max(0, control_step)
+            pair = self.basis[:, first:last] * self.basis[:, first + control_step : last + control_step]
+            block = products.T @ pair
+            row = np.arange(block.shape[0])[:, None] * n + np.arange(first, last)
+            distance = node_step * n + control_step
+            bands[n + 2 - distance, row + distance] = block
+
+        for control_step in range(3):
+            put(same, 0, control_step)
+        for control_step in range(-2, 3):
+            put(next_node, 1, control_step)
+        bands[-1] += 1e-12 * bands[-1].max()
+        return solveh_banded(bands, (right_side.T @ self.basis).ravel(), overwrite_ab=True).reshape(nodes, n)
