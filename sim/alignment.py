@@ -6,7 +6,7 @@ import numpy as np
 
 _CELLS = 64  # of the grid for the first guess, along the longer side
 _REACH = 4  # px to either side over which slopes are taken: wide enough to smooth the steps of a quantised map
-_SLOPED, _STEPS = 5, 40  # Newton steps with new slopes, and altogether
+_SLOPED, _STEPS = 5, 25  # Newton steps with new slopes, and altogether
 
 
 class RowDifference(NamedTuple):

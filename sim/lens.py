@@ -1,7 +1,7 @@
 """Viewing rays of source pixels: the lens models inverted.
 
-``sim.reference.project`` asks OpenCV for the forward direction, which is too slow here by a factor of thirty; so the
-standard model is written out a second time, with its derivatives. The tests hold the two together.
+``sim.reference.project`` asks OpenCV for the forward direction, one point after another, which is too slow for whole
+images; so the standard model is written out a second time, with its derivatives. The tests hold the two together.
 """
 
 import numpy as np

@@ -125,7 +125,7 @@ def _checked_coordinates(u, v):
             raise TypeError(f"{name}.dtype = {values.dtype}: must be an integer that fits int64")
     if u.shape != v.shape or u.ndim != 2:
         raise ValueError(f"u.shape = {u.shape}, v.shape = {v.shape}: must be the same (height, width)")
-    # Small types would overflow on the way to an address, unsigned ones when they are compared with -1.
+    # The bounds to clip to need not fit small or unsigned types.
     return u.astype(np.int64, copy=False), v.astype(np.int64, copy=False)
 
 

@@ -38,36 +38,30 @@ class Room:
         self.left, self.right, self.top, self.floor = -0.88 * tx, 0.98 * tx, -0.90 * ty, 0.62 * ty
         self.lamp = np.array([-0.25 * tx, -0.75 * ty, 0.42])
         self.unit = ty  # sizes of things follow the height of the picture
-        self.surfaces = [
-            Box(
-                [(self.left + self.right) / 2, (self.top + self.floor) / 2, 0.3],
-                [(self.right - self.left) / 2, (self.floor - self.top) / 2, 0.7],
-                self._walls,
-                inside=True,
-            ),
-            *self._furniture(tx, ty),
-        ]
+        self.shell = Box(
+            [(self.left + self.right) / 2, (self.top + self.floor) / 2, 0.3],
+            [(self.right - self.left) / 2, (self.floor - self.top) / 2, 0.7],
+            self._walls,
+            inside=True,
+        )
+        self.bookcase = self._standing(0.66 * tx, 0.93, (0.27, 0.47, 0.10), self._bookcase)
+        self.picture = Box([-0.47 * tx, -0.36 * ty, 0.995], np.multiply((0.27, 0.19, 0.012), ty), self._picture)
+        self.board = self._standing(-0.36 * tx, 0.80, (0.24, 0.185, 0.008), self._board, yaw=-0.30, pitch=-0.25)
+        self.crate = self._standing(0.16 * tx, 0.82, (0.13, 0.13, 0.13), self._crate, yaw=0.45)
+        self.gift = self._standing(0.15 * tx, 0.82, (0.080, 0.055, 0.065), self._gift, on=0.26, yaw=-0.20)
+        self.ball = Ball([0.29 * tx, self.floor - 0.105 * ty, 0.70], 0.105 * ty, self._ball, lean=0.45)
+        self.rug = self._standing(-0.05 * tx, 0.76, (0.52, 0.006, 0.22), self._rug, yaw=0.06)
+        self.furniture = [self.bookcase, self.picture, self.board, self.crate, self.gift, self.ball, self.rug]
+        self.surfaces = [self.shell, *self.furniture]
 
-    def _furniture(self, tx, ty):
-        floor, u = self.floor, self.unit
-
-        def standing(x, z, half, skin, on=0.0, **pose):
-            return Box([x * tx, floor - (half[1] + on) * u, z], np.multiply(half, u), skin, **pose)
-
-        return [
-            standing(0.66, 0.93, (0.27, 0.47, 0.10), self._bookcase),
-            Box([-0.47 * tx, -0.36 * ty, 0.995], np.multiply((0.27, 0.19, 0.012), u), self._picture),
-            standing(-0.36, 0.80, (0.24, 0.185, 0.008), self._board, yaw=-0.30, pitch=-0.25),
-            standing(0.16, 0.82, (0.13, 0.13, 0.13), self._crate, yaw=0.45),
-            standing(0.15, 0.82, (0.080, 0.055, 0.065), self._gift, on=0.26, yaw=-0.20),
-            Ball([0.29 * tx, floor - 0.105 * u, 0.70], 0.105 * u, self._ball, lean=0.45),
-            standing(-0.05, 0.76, (0.52, 0.006, 0.22), self._rug, yaw=0.06),
-        ]
+    def _standing(self, x, z, half, skin, on=0.0, **pose):
+        """A box on the floor, or so much above it; its size in units."""
+        return Box([x, self.floor - (half[1] + on) * self.unit, z], np.multiply(half, self.unit), skin, **pose)
 
     def trace(self, origin, rays):
         """First surface along unit rays (n, 3) from origin (3,): distance and index into ``surfaces``, each (n,)."""
-        distance, index = self.surfaces[0].hit(origin, rays), np.zeros(len(rays), np.int64)
-        for number, surface in enumerate(self.surfaces[1:], 1):
+        distance, index = self.shell.hit(origin, rays), np.zeros(len(rays), np.int64)
+        for number, surface in enumerate(self.furniture, 1):
             candidates = _towards(surface, origin, rays)
             if candidates.size:
                 hit = surface.hit(origin, rays[candidates])
@@ -101,7 +95,7 @@ class Room:
         to_lamp /= distance[:, None]
         facing = np.maximum(dot(surface.normal(points), to_lamp), 0)
         open_sky = np.ones(len(points))
-        for other, caster in enumerate(self.surfaces[1:], 1):
+        for other, caster in enumerate(self.furniture, 1):
             if other == number:
                 continue
             candidates = _towards(caster, points, to_lamp, margin=1.3)
@@ -109,8 +103,7 @@ class Room:
             soft = 0.10 * caster.radius
             covered = np.clip((np.minimum(leave, distance[candidates]) - np.maximum(enter, 0)) / soft, 0, 1)
             open_sky[candidates] *= 1 - covered * covered * (3 - 2 * covered)
-        corners = self.surfaces[0]
-        a, b, c = (corners.half - np.abs(points - corners.centre)).T
+        a, b, c = (self.shell.half - np.abs(points - self.shell.centre)).T
         # The middle one of three distances is small where two walls meet.
         corner = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
         ambient = 1 - 0.45 * np.exp(-corner / (0.10 * self.unit))
@@ -156,14 +149,14 @@ class Room:
         stripes = pulse(p.s, p.ws, 0.12 * self.unit)
         paper = self._mix((0.72, 0.76, 0.70), (0.84, 0.86, 0.80), stripes)
         rail = band(p.t, p.wt, 0.18 * self.unit, 0.21 * self.unit)
-        panel = band(p.t, p.wt, 0.21 * self.unit, 9)
+        panel = band(p.t, p.wt, 0.21 * self.unit, np.inf)
         groove = pulse(p.s, p.ws, 0.24 * self.unit, 0.06) * band(p.t, p.wt, 0.27 * self.unit, 0.60 * self.unit)
         wall = self._mix(self._mix(paper, _CREAM, panel), _WALNUT, np.maximum(rail, 0.5 * groove))
         return self._skirting(p, wall)
 
     def _skirting(self, p, wall):
-        bottom = self.surfaces[0].half[1]
-        board = band(p.t, p.wt, bottom - 0.075 * self.unit, 9)
+        bottom = self.shell.half[1]
+        board = band(p.t, p.wt, bottom - 0.075 * self.unit, np.inf)
         lip = band(p.t, p.wt, bottom - 0.075 * self.unit, bottom - 0.060 * self.unit)
         return self._mix(self._mix(wall, _WALNUT, board), _OAK, lip)
 
@@ -190,7 +183,7 @@ class Room:
         return self._mix(_WALNUT, _OAK, 0.25 + 0.35 * grain)
 
     def _shelves(self, p):
-        half_s, half_t = self.surfaces[1].half[:2]
+        half_s, half_t = self.bookcase.half[:2]
         board, shelf = 0.022 * self.unit, 2 * half_t / 4
         from_top = p.t + half_t
         row = np.floor(from_top / shelf)
@@ -212,14 +205,14 @@ class Room:
         return self._mix(inside, self._side(p), boards)
 
     def _picture(self, p):
-        half_s, half_t = self.surfaces[2].half[:2]
+        half_s, half_t = self.picture.half[:2]
         s, t, ws, wt = p.s / half_s, p.t / half_t, p.ws / half_s, p.wt / half_t
         scene = self._mix((0.93, 0.86, 0.66), (0.45, 0.62, 0.78), np.clip(0.3 - 0.8 * t, 0, 1))
         sun = np.hypot(half_s / half_t * (s - 0.35), t + 0.35)
-        scene = self._mix(scene, _YELLOW, band(sun, wt, -1, 0.17))
+        scene = self._mix(scene, _YELLOW, band(sun, wt, -np.inf, 0.17))
         for level, colour in ((0.0, (0.42, 0.52, 0.58)), (0.28, (0.24, 0.38, 0.36)), (0.52, (0.13, 0.22, 0.18))):
             ridge = level + 0.13 * np.sin(4.1 * s + 9 * level) + 0.07 * np.sin(9.7 * s + 3 * level)
-            scene = self._mix(scene, colour, band(t, wt, ridge, 2))
+            scene = self._mix(scene, colour, band(t, wt, ridge, np.inf))
         mount = frame(s, ws, t, wt, 1, 1, 0.24)
         wood = frame(s, ws, t, wt, 1, 1, 0.09)
         return self._mix(self._mix(scene, _WHITE, mount), _INK, wood)
@@ -228,7 +221,7 @@ class Room:
         return self._by_face(p, {(4,): self._squares, (0, 1, 2, 3, 5): lambda side: self._flat(side, _OAK)})
 
     def _squares(self, p):
-        size = self.surfaces[3].half[1] / 4
+        size = self.board.half[1] / 4
         half_s, half_t = 4.5 * size, 3 * size
         # The footprint stays inside the pattern, which would go on under the margin.
         s = np.clip(p.s, p.ws / 2 - half_s, half_s - p.ws / 2)
@@ -237,7 +230,7 @@ class Room:
         return self._mix(self._mix(_INK, _WHITE, squares), _WHITE, frame(p.s, p.ws, p.t, p.wt, half_s, half_t, 0))
 
     def _crate(self, p):
-        half = self.surfaces[4].half[0]
+        half = self.crate.half[0]
         slats = pulse(p.t + half, p.wt, half / 2.5, 0.90)
         rails = frame(p.s, p.ws, p.t, p.wt, half, half, 0.16 * half)
         grain = noise(p.t, p.wt, p.s, p.ws, (0.10 * half, half), self.seed + 8)
@@ -247,21 +240,21 @@ class Room:
         return self._mix(self._mix(wood, plain, rails), _WALNUT, groove)
 
     def _gift(self, p):
-        half = self.surfaces[5].half[0]
+        half = self.gift.half[0]
         ribbon = np.maximum(band(p.s, p.ws, -0.16 * half, 0.16 * half), band(p.t, p.wt, -0.16 * half, 0.16 * half))
         return self._mix(_TEAL, _CREAM, ribbon)
 
     def _ball(self, p):
         sector = np.pi / 4
         stripes = pulse(p.s, p.ws, 2 * sector)
-        cap = band(np.abs(p.t), p.wt, 1.2, 2)
+        cap = band(np.abs(p.t), p.wt, 1.2, np.inf)
         return self._mix(self._mix(_RED, _WHITE, stripes), _YELLOW, cap)
 
     def _rug(self, p):
         return self._by_face(p, {(2,): self._stripes, (0, 1, 3, 4, 5): lambda side: self._flat(side, _CREAM)})
 
     def _stripes(self, p):
-        half_s, _, half_t = self.surfaces[7].half
+        half_s, _, half_t = self.rug.half
         stripes = pulse(p.t, p.wt, half_t / 3.5, 0.55)
         edge = frame(p.s, p.ws, p.t, p.wt, half_s, half_t, 0.05 * self.unit)
         return self._mix(self._mix(_NAVY, (0.45, 0.52, 0.60), stripes), _CREAM, edge)

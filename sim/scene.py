@@ -13,7 +13,7 @@ from sim.room import Room
 _CHUNK = 1 << 14  # rays at a time, so that the temporaries stay in the cache
 _DISPARITY = 0.055  # of the back wall, as a share of the image width
 _WIDEST = 0.85  # tangent of the half field of view that the composition fills at most; fisheyes see past it
-_TURN = (0.13, -0.07)  # of the room against the left camera, about y and x: nothing is seen exactly head on
+_TURN = (0.20, -0.15)  # of the room about y and x, as a share of the field of view: nothing is seen exactly head on
 _SUBPIXELS = (np.arange(3) - 1) / 3
 
 
@@ -86,7 +86,7 @@ class _Stage:
         R, T = np.asarray(rig.R, np.float64), np.asarray(rig.T, np.float64).reshape(3)
         tx, ty = self._field(rig.left)
         self.scale = np.linalg.norm(T) / (2 * tx * _DISPARITY)
-        turn, tilt = _TURN
+        turn, tilt = _TURN[0] * tx, _TURN[1] * ty
         about_y = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
         about_x = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
         self.to_room = about_x @ about_y

@@ -126,6 +126,5 @@ class Ball:
         facing = np.maximum(-dot(seen, self.normal(points)) / distance, 0.05)
         wt = pixel * distance / self.radius / facing
         ring = np.maximum(np.hypot(local[:, 0], local[:, 2]), 1e-3)
-        return Patch(
-            self.face(points), np.arctan2(local[:, 0], -local[:, 2]), np.arcsin(np.clip(local[:, 1], -1, 1)), wt / ring, wt
-        )
+        longitude, latitude = np.arctan2(local[:, 0], -local[:, 2]), np.arcsin(np.clip(local[:, 1], -1, 1))
+        return Patch(self.face(points), longitude, latitude, wt / ring, wt)
