@@ -112,7 +112,7 @@ class LineBuffer(wiring.Component):
     u, v : In(formats of the parameters)
         Source coordinate.
     end_of_line, end_of_frame : In(1)
-        The coordinate is that of its output row's, the frame's, last position; low where there is no coordinate.
+        The coordinate is that of its output row's, the frame's, last position; end_of_line is low where there is none.
     taps : Out(ArrayLayout(ArrayLayout(pixel_width, 2), 2))
         Indexed [slot parity][column parity]; border values in place.
     fx, fy : Out(fraction_bits), odd_column, odd_row : Out(1)
@@ -149,6 +149,8 @@ class LineBuffer(wiring.Component):
         u, left, right = _window_edges(m, "u", self.u, p.u_range, p.u.fraction_bits, p.width, p.border)
         v, top, bottom = _window_edges(m, "v", self.v, p.v_range, p.v.fraction_bits, p.height, p.border)
 
+        slot_of_row = self._slot(m, v >> p.v.fraction_bits)
+
         # First stage: place in the ring, and which edges of the window are inside the source.
         column = Signal(ceil_log2(p.width), reset_less=True)
         slot = Signal(range(p.rows), reset_less=True)
@@ -159,7 +161,7 @@ class LineBuffer(wiring.Component):
         with m.If(self.enable):
             m.d.sync += [
                 column.eq(u >> p.u.fraction_bits),
-                slot.eq(self._slot(m, v >> p.v.fraction_bits)),
+                slot.eq(slot_of_row),
                 fraction_x.eq(u),
                 fraction_y.eq(v),
                 column_inside.eq(Cat(left, right)),

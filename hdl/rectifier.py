@@ -34,8 +34,8 @@ class RectifierParameters:
     Raises
     ------
     ValueError
-        For pixel formats there are not, border values that do not fit, and frames that are too small for their map or
-        for the pipeline.
+        For pixel formats there are not, border values that do not fit, and rows that are too short for the pipeline;
+        on access to ``line_buffer``, for frames too small for their map.
     """
 
     datapath: Datapath

@@ -37,7 +37,7 @@ class DividedAccumulators(wiring.Component):
         m = Module()
         values = []
         for name, form in self._parameters.forms.items():
-            m.submodules[name] = accumulator = Accumulator(form)
+            m.submodules[f"{name}_accumulator"] = accumulator = Accumulator(form)
             m.d.comb += [
                 accumulator.step.eq(self.step),
                 accumulator.end_of_line.eq(self.end_of_line),

@@ -75,7 +75,8 @@ class Datapath(ABC):
     def fit(cls, view, fraction_bits, max_error=None):
         """Choose the parameters for ``view`` (`hdl.rectification.View`): the cheapest that meet ``max_error`` (px,
         rounding included) at every pixel whose source is inside the image, or, without a budget, that compute what the
-        datapath names within `default_budget`. Raises InputError where that cannot be had."""
+        datapath names within `default_budget`. Raises InputError where no word lengths do; a datapath whose error the
+        rig decides and not its word lengths may ignore the budget, which the caller checks in any case."""
 
     @property
     @abstractmethod

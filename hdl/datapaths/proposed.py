@@ -97,7 +97,7 @@ class AccumulatedCoordinates(wiring.Component):
             ("u", self._parameters.u_form, self.u),
             ("v", self._parameters.v_form, self.v),
         ):
-            m.submodules[name] = accumulator = Accumulator(form)
+            m.submodules[f"{name}_accumulator"] = accumulator = Accumulator(form)
             m.d.comb += [
                 accumulator.step.eq(self.step),
                 accumulator.end_of_line.eq(self.end_of_line),
