@@ -1,14 +1,18 @@
 """From a camera's view and the user's choices to a core: its Verilog and its plan."""
 
+import dataclasses
 import hashlib
 from dataclasses import dataclass
 
 from hdl import verilog
 from hdl.coordinates import Border
 from hdl.datapaths import DATAPATHS
-from hdl.errors import InputError
+from hdl.errors import BudgetError, InputError
 from hdl.plan import PLAN_VERSION, Plan
 from hdl.rectifier import Rectifier, RectifierParameters
+from hdl.selection import choose
+
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -18,7 +22,9 @@ class Options:
     Parameters
     ----------
     datapath : str
-        A key of `DATAPATHS`.
+        A key of `DATAPATHS`, or `AUTO`: the cheapest that meets the budget.
+    optimise : str
+        What `AUTO` saves; a key of `hdl.cost.GOALS`.
     max_error : float or None
         Largest allowed coordinate error per axis, px.
     pixel_bits, channels, fraction_bits : int
@@ -27,13 +33,14 @@ class Options:
         Largest allowed line memory, KiB.
     """
 
-    datapath: str = "proposed"
+    datapath: str = AUTO
     max_error: float | None = None
     pixel_bits: int = 8
     channels: int = 1
     fraction_bits: int = 5
     border: Border = Border()
     max_line_buffer_kib: int = 4096
+    optimise: str = "balanced"
 
 
 @dataclass(frozen=True)
@@ -78,16 +85,18 @@ def build(view, options, top, progress=lambda step: None):
     """
     progress("exact map")
     exact = view.map()
-    progress(f"word lengths of {options.datapath}")
-    datapath = DATAPATHS[options.datapath].fit(view, options.fraction_bits, options.max_error)
+    considered = ()
+    if options.datapath == AUTO:
+        considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress)
+        datapath = considered[0].datapath
+    else:
+        progress(f"word lengths of {options.datapath}")
+        datapath = DATAPATHS[options.datapath].fit(view, options.fraction_bits, options.max_error)
     progress("error at every pixel")
     error = datapath.coordinates.error(*exact)
     worst = max(error["u"]["max"], error["v"]["max"])
     if options.max_error is not None and worst > options.max_error:
-        raise InputError(
-            "--max-error", None, options.max_error,
-            f"{options.datapath} reaches {worst:.4g} px for the {view.side} camera and no less",
-        )
+        raise BudgetError(options.max_error, worst, f"{datapath.name} for the {view.side} camera")
     progress("line buffer")
     try:
         parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
@@ -112,7 +121,7 @@ def build(view, options, top, progress=lambda step: None):
         width=view.width,
         height=view.height,
         lens=view.lens,
-        datapath=options.datapath,
+        datapath=datapath.name,
         fraction_bits=options.fraction_bits,
         pixel_bits=options.pixel_bits,
         channels=options.channels,
@@ -122,6 +131,13 @@ def build(view, options, top, progress=lambda step: None):
         formats={name: str(q) for name, q in datapath.formats.items()},
         max_error_requested=options.max_error,
         error=error,
+        considered=[
+            {
+                "datapath": entry.name, "error": entry.error, "verdict": entry.verdict,
+                "cost": entry.cost and dataclasses.asdict(entry.cost),
+            }
+            for entry in considered
+        ],
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
     return Core(parameters, exact, text, plan)

@@ -19,6 +19,7 @@ class InputError(ValueError):
     def __init__(self, where, field, value, problem):
         location = " = ".join(part for part in (field, _one_line(value)) if part)
         super().__init__(": ".join(str(part) for part in (where, location, problem) if part))
+        self.problem = problem
 
 
 def _one_line(value, limit=80):
@@ -26,3 +27,21 @@ def _one_line(value, limit=80):
         return None
     text = " ".join(str(value).split())
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+class BudgetError(InputError):
+    """A datapath that cannot be as exact as asked.
+
+    Parameters
+    ----------
+    budget : float
+        What was asked, px.
+    reached : float
+        The least largest error that it can have, px.
+    who : str
+        The datapath, and the camera where that helps.
+    """
+
+    def __init__(self, budget, reached, who):
+        super().__init__("--max-error", None, budget, f"{who} reaches {reached:.3g} px and no less")
+        self.reached = reached

@@ -69,6 +69,24 @@ class ErrorEntry(_Entry):
     rounded: RoundedEntry
 
 
+class CostEntry(_Entry):
+    """The coordinate hardware's estimated cost: 7-series cells."""
+
+    lut: int
+    ff: int
+    ramb18: int
+    dsp: int
+
+
+class ConsideredEntry(_Entry):
+    """A datapath that was a candidate: its largest error (px; null where it could not be built), and what became of it."""
+
+    datapath: str
+    error: float | None
+    cost: CostEntry | None
+    verdict: str
+
+
 class Plan(_Entry):
     """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned)."""
 
@@ -89,6 +107,7 @@ class Plan(_Entry):
     formats: dict[str, str]
     max_error_requested: float | None
     error: ErrorEntry
+    considered: list[ConsideredEntry]
     verilog_sha256: str
 
     def to_json(self):

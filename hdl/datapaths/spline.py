@@ -10,22 +10,16 @@ from amaranth.lib.memory import Memory
 from amaranth.utils import ceil_log2, exact_log2
 
 from hdl.coordinates import Coordinates
+from hdl.cost import Cost, block_rams
 from hdl.datapaths.base import Datapath
 from hdl.datapaths.spline_fit import LEAST_CELL, Cells, Fit
-from hdl.errors import InputError
+from hdl.errors import BudgetError, InputError
 from hdl.fixedpoint import Q
 
-# Memories up to this size go into look-up tables: some 64 of them.
+# Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
 DISTRIBUTED_BITS = 2048
 # Largest error, px, where no budget is given.
 DEFAULT_BUDGET = 0.05
-
-
-def block_rams(words, width):
-    """RAMB18 of the 7 series that a simple dual-port memory takes (AMD UG473; a RAMB36 counts as two)."""
-    return min(
-        -(-words // depth) * -(-width // bits) for depth, bits in ((512, 36), (1024, 18), (2048, 9), (4096, 4))
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,11 +221,24 @@ class Spline(Datapath):
         width = self.bend_format.width
         return padded if block_rams(rows * padded, width) <= block_rams(rows * exact, width) else exact
 
-    @property
-    def block_rams(self):
-        """RAMB18 for RAM and ROM."""
-        return block_rams(4 << self.column_bits, self.value_format.width + self.slope_format.width) + block_rams(
-            self.rom_pitch * self.u_surface.cells.rows, self.bend_format.width)
+    @cached_property
+    def cost(self):
+        formats = {name: q.width for name, q in self.formats.items()}
+        waiting = formats["v_less_row"] - (self.v_surface.value_bits - self.fraction_bits)
+        word = formats["value"] + formats["slope"]
+        ff = sum(formats.values()) + 2 * self.u_surface.carry_bits + 2 * waiting + max(
+            formats["u_increment"], formats["v_less_row_increment"])
+        lut, ramb18 = ff + 12, 0
+        for words, width, lut_a_word in (
+            (4 << self.column_bits, word, 1.4 * word / 64),
+            (self.rom_pitch * self.u_surface.cells.rows, formats["bend"], formats["bend"] / 16),
+        ):
+            if words * width > DISTRIBUTED_BITS:
+                ramb18 += block_rams(words, width)
+            else:
+                lut += words * lut_a_word
+                ff += width  # the read register, which block RAM has inside
+        return Cost(round(lut), round(ff), ramb18)
 
     def ram_contents(self):
         """Initial words: those of row 0 in the lower half, at 2*column and, for u, one more."""
@@ -280,14 +287,13 @@ class _Search:
                              f"costs up to {2.0 ** -(self.fraction_bits + 1)} px; more --fraction-bits help")
         found = None
         for cells in sorted(self._cells(), key=_cost):
-            if found and _cost(cells)[0] >= found.block_rams:
+            if found and _cost(cells)[0] >= found.cost.ramb18:
                 break
             candidate = self._quantised(cells)
-            if candidate and (not found or candidate.block_rams < found.block_rams):
+            if candidate and (not found or candidate.cost.ramb18 < found.cost.ramb18):
                 found = candidate
         if not found:
-            raise InputError("--max-error", None, self.budget,
-                             f"splines reach {self.reached:.3g} px for the {self.view.side} camera and no less")
+            raise BudgetError(self.budget, self.reached, f"spline for the {self.view.side} camera")
         return found
 
     @property

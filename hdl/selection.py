@@ -1,0 +1,85 @@
+"""``--datapath auto``: the cheapest datapath that meets the budget, and why."""
+
+from dataclasses import dataclass
+
+from hdl.cost import Cost
+from hdl.datapaths import DATAPATHS, Datapath
+from hdl.errors import InputError
+
+# Largest error, px, where the user gives no budget.
+DEFAULT_BUDGET = 0.05
+
+
+@dataclass(frozen=True)
+class Considered:
+    """One datapath as a candidate.
+
+    Members
+    -------
+    name : str
+    datapath : Datapath or None
+        None where it cannot meet the budget.
+    error : float or None
+        Largest coordinate error, px; None where it could not be built at all.
+    cost : Cost or None
+    verdict : str
+        "chosen", or why it was not.
+    """
+
+    name: str
+    datapath: Datapath | None
+    error: float | None
+    cost: Cost | None
+    verdict: str
+
+
+def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
+    """The candidates for ``view`` in the order of their cost, the chosen one first.
+
+    Parameters
+    ----------
+    view : hdl.rectification.View
+    fraction_bits : int
+    max_error : float or None
+        Budget, px per axis; None: `DEFAULT_BUDGET`.
+    goal : str
+        What to save; a key of `hdl.cost.GOALS`.
+    progress : callable
+
+    Returns
+    -------
+    list of Considered
+
+    Raises
+    ------
+    InputError
+        If no datapath meets the budget: the message has the least error reached, and by which.
+    """
+    budget = DEFAULT_BUDGET if max_error is None else max_error
+    fitting, others = [], []
+    for name, kind in DATAPATHS.items():
+        if view.lens and not kind.supports_lens:
+            continue
+        progress(f"trying {name}")
+        try:
+            datapath = kind.fit(view, fraction_bits, budget)
+        except InputError as refusal:
+            others.append(Considered(name, None, getattr(refusal, "reached", None), None, refusal.problem))
+            continue
+        error = datapath.coordinates.error(*view.map())
+        worst = max(error["u"]["max"], error["v"]["max"])
+        entry = Considered(name, datapath, worst, datapath.cost, "costs more")
+        if worst <= budget:
+            fitting.append(entry)
+        else:
+            others.append(Considered(name, None, worst, datapath.cost, f"off by {worst:.3g} px"))
+    if not fitting:
+        reached = min((entry for entry in others if entry.error is not None), key=lambda entry: entry.error, default=None)
+        raise InputError(
+            "--max-error", None, budget,
+            f"no datapath meets it for the {view.side} camera; "
+            + (f"{reached.name} comes closest with {reached.error:.3g} px" if reached else "none gives an error at all"),
+        )
+    fitting.sort(key=lambda entry: entry.cost.weight(goal))
+    first = fitting[0]
+    return [Considered(first.name, first.datapath, first.error, first.cost, "chosen"), *fitting[1:], *others]
