@@ -3,6 +3,7 @@
 from amaranth import Module
 from amaranth.lib import wiring
 
+from hdl.cost import Cost
 from hdl.datapaths.linear import Accumulator
 from hdl.datapaths.projective import Projective, connect_divider
 
@@ -17,6 +18,11 @@ class Accumulate(Projective):
 
     name = "accumulate"
     summary = "Eq. 4: three accumulators and two pipelined dividers"
+
+    @property
+    def cost(self):
+        divider = self.divider_cost
+        return Cost(lut=divider.lut + 2 * self.form_bits, ff=divider.ff + self.form_bits)
 
     @property
     def latency(self):

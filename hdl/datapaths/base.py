@@ -90,6 +90,11 @@ class Datapath(ABC):
 
     @property
     @abstractmethod
+    def cost(self):
+        """`Cost` of the hardware, estimated from its word lengths, without DSP blocks."""
+
+    @property
+    @abstractmethod
     def latency(self):
         """Enabled clocks from a position to its coordinates."""
 

@@ -3,6 +3,7 @@
 from amaranth import Const, Module, Signal, signed
 from amaranth.lib import wiring
 
+from hdl.cost import Cost
 from hdl.datapaths.projective import Projective, connect_divider
 
 PRODUCT_STAGES = 2
@@ -19,6 +20,11 @@ class Conventional(Projective):
 
     name = "conventional"
     summary = "Eq. 3: matrix product and two pipelined dividers"
+
+    @property
+    def cost(self):
+        divider = self.divider_cost
+        return Cost(lut=divider.lut + round(7.4 * self.form_bits), ff=divider.ff + 2 * self.form_bits)
 
     @property
     def latency(self):

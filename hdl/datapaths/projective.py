@@ -7,6 +7,7 @@ from math import ceil
 import numpy as np
 
 from hdl.coordinates import Coordinates
+from hdl.cost import Cost
 from hdl.datapaths.base import Datapath, default_budget
 from hdl.datapaths.divider import Divider
 from hdl.datapaths.linear import LinearForm
@@ -101,6 +102,17 @@ class Projective(Datapath):
         )
         return max(limits).bit_length()
 
+    @property
+    def divider_cost(self):
+        """`Cost` of the dividers."""
+        stages, width = self.quotient_bits, self.formats["divisor"].width
+        return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width)
+
+    @property
+    def form_bits(self):
+        """Bits of the three linear forms."""
+        return sum(form.format.width for form in self.forms.values())
+
     def divider(self):
         """The `Divider` for both coordinates."""
         formats = self.formats
@@ -115,6 +127,33 @@ class Projective(Datapath):
 def replace_fraction(q, fraction_bits):
     """``q`` truncated to ``fraction_bits``."""
     return replace(q, fraction_bits=fraction_bits)
+
+
+def quantised(datapath, rows, bias, size, fraction_bits, bits):
+    """A datapath with given word lengths.
+
+    Parameters
+    ----------
+    datapath : subclass of Projective
+    rows : dict of "u", "v", "z" to (3,) float64
+        Rows of the homography.
+    bias : dict of "u", "v" to int
+        See `Ratio`.
+    size : (int, int)
+        Frame width and height, px.
+    fraction_bits : int
+    bits : dict of str to int
+        Fraction bits: divisor <= z, and for each axis kept_* <= form_* and kept_* <= divisor.
+    """
+
+    def ratio(axis):
+        kept, stored = bits[f"kept_{axis}"], bits[f"form_{axis}"]
+        numerator = 2.0**fraction_bits * (rows[axis] + bias[axis] * rows["z"]) + rows["z"] / 2
+        return Ratio(LinearForm.quantise(numerator, stored, *size, half=_half(kept, stored)), kept, bias[axis])
+
+    divisor = bits["divisor"]
+    z_form = LinearForm.quantise(rows["z"], bits["z"], *size, half=_half(divisor, bits["z"]))
+    return datapath(*size, fraction_bits, ratio("u"), ratio("v"), z_form, divisor)
 
 
 class _WordLengths:
@@ -156,20 +195,8 @@ class _WordLengths:
         return self.build(bits)
 
     def build(self, bits):
-        width, height = self.view.width, self.view.height
-
-        def ratio(axis):
-            row, z, kept = self.row[axis], self.row["z"], bits[f"kept_{axis}"]
-            form = LinearForm.quantise(
-                2.0**self.fraction_bits * (row + self.bias[axis] * z) + z / 2,
-                bits[f"form_{axis}"], width, height, half=_half(kept, bits[f"form_{axis}"]),
-            )
-            return Ratio(form, kept, self.bias[axis])
-
-        z_form = LinearForm.quantise(
-            self.row["z"], bits["z"], width, height, half=_half(bits["divisor"], bits["z"])
-        )
-        return self.datapath(width, height, self.fraction_bits, ratio("u"), ratio("v"), z_form, bits["divisor"])
+        size = self.view.width, self.view.height
+        return quantised(self.datapath, self.row, self.bias, size, self.fraction_bits, bits)
 
     def meets(self, bits, axis):
         candidate = self.build(bits)

@@ -8,6 +8,7 @@ from amaranth import Module
 from amaranth.lib import wiring
 
 from hdl.coordinates import Coordinates
+from hdl.cost import Cost
 from hdl.datapaths.base import ARITHMETIC_ERROR, Datapath, default_budget
 from hdl.datapaths.linear import Accumulator, LinearForm
 
@@ -58,6 +59,11 @@ class Proposed(Datapath):
     @property
     def latency(self):
         return 0
+
+    @property
+    def cost(self):
+        bits = sum(q.width for q in self.formats.values())
+        return Cost(lut=round(1.78 * bits), ff=bits)
 
     def component(self):
         return AccumulatedCoordinates(self)
