@@ -11,6 +11,9 @@ from amaranth.utils import ceil_log2, exact_log2
 from hdl.coordinates import Border, Window
 from hdl.fixedpoint import Q
 
+# Block RAMs on top of each other that still share an output cheaply.
+STACKED = 4
+
 
 @dataclass(frozen=True)
 class LineBufferParameters:
@@ -76,6 +79,18 @@ class LineBufferParameters:
     def depth(self):
         """Pixels in each of the four banks."""
         return self.rows // 2 * self.pitch * self.granule
+
+    @property
+    def slice_width(self):
+        """Bits of a pixel that are kept in a memory of their own.
+
+        All of them, unless that would stack more than ``STACKED`` block RAMs of a 7-series FPGA (as many words of 9, 4, 2
+        or 1 bits; AMD UG473) on each other, whose outputs take more look-up tables to choose from than narrower ones.
+        """
+        for words, width in ((4096, self.pixel_width), (8192, 4), (16384, 2)):
+            if self.depth <= STACKED * words:
+                return width
+        return 1
 
     @property
     def bits(self):
@@ -183,13 +198,15 @@ class LineBuffer(wiring.Component):
         border = Const(p.border.value, p.channel_bits).replicate(p.channels)
         for row in range(2):
             for col in range(2):
-                _, read = banks[row][col]
+                address = Signal(ceil_log2(p.depth), name=f"read_address_{row}_{col}")
                 inside = Signal(name=f"inside_{row}_{col}", reset_less=True)
+                pixel = Cat(read.data for _, read in banks[row][col])
                 m.d.comb += [
-                    read.en.eq(self.enable),
-                    read.addr.eq(self._address(bases[row], columns[col])),
-                    self.taps[row][col].eq(Mux(inside, read.data, border)),
+                    address.eq(self._address(bases[row], columns[col])),
+                    self.taps[row][col].eq(Mux(inside, pixel, border)),
                 ]
+                for _, read in banks[row][col]:
+                    m.d.comb += [read.en.eq(self.enable), read.addr.eq(address)]
                 with m.If(self.enable):
                     # The bank of parity 1 holds the window's first edge if and only if that edge is odd.
                     m.d.sync += inside.eq(
@@ -198,14 +215,19 @@ class LineBuffer(wiring.Component):
         return m
 
     def _banks(self, m):
-        """The write and read port of each bank, indexed [slot parity][column parity]."""
+        """Write and read ports of each bank's slices, lowest bits first, indexed [slot parity][column parity]."""
         p = self._parameters
         banks = [[None, None], [None, None]]
         for row, row_name in enumerate(("even", "odd")):
             for col, col_name in enumerate(("even", "odd")):
-                memory = Memory(shape=p.pixel_width, depth=p.depth, init=[], attrs={"ram_style": "block"})
-                m.submodules[f"bank_{row_name}_row_{col_name}_column"] = memory
-                banks[row][col] = memory.write_port(), memory.read_port()
+                slices = []
+                for low in range(0, p.pixel_width, p.slice_width):
+                    width = min(p.slice_width, p.pixel_width - low)
+                    memory = Memory(shape=width, depth=p.depth, init=[], attrs={"ram_style": "block"})
+                    name = f"bank_{row_name}_row_{col_name}_column"
+                    m.submodules[name if width == p.pixel_width else f"{name}_{low}"] = memory
+                    slices.append((memory.write_port(), memory.read_port()))
+                banks[row][col] = slices
         return banks
 
     def _address(self, base, column):
@@ -227,12 +249,12 @@ class LineBuffer(wiring.Component):
         address = self._address(base, self.x >> 1)
         for row in range(2):
             for col in range(2):
-                write, _ = banks[row][col]
-                m.d.comb += [
-                    write.en.eq(self.write & (odd_slot == row) & (self.x[0] == col)),
-                    write.addr.eq(address),
-                    write.data.eq(self.pixel),
-                ]
+                for index, (write, _) in enumerate(banks[row][col]):
+                    m.d.comb += [
+                        write.en.eq(self.write & (odd_slot == row) & (self.x[0] == col)),
+                        write.addr.eq(address),
+                        write.data.eq(self.pixel >> index * p.slice_width),
+                    ]
 
     def _slot(self, m, row):
         """The ring slot of a source row."""
