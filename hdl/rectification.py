@@ -1,175 +1,176 @@
-"""The exact map: for every rectified pixel, where in the source image it comes from, in float64.
+"""The rectification of a rig: which rotations and which common projection turn two cameras into a row-aligned pair."""
 
-The lens models are computed here rather than by OpenCV, whose maps are float32. They agree with
-cv2.initUndistortRectifyMap and cv2.fisheye.initUndistortRectifyMap to the precision of those, except that a skew in K,
-which OpenCV leaves out, takes part.
-"""
-
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from hdl.calibration.checks import half_rotation
-from hdl.calibration.rig import SIDES, Camera, Rig
+from hdl.calibration.rig import SIDES, Rig
 from hdl.errors import InputError
+from hdl.row_minimisation import minimise_rows
+from hdl.view import View
 
-# No core addresses coordinates further out; a lens polynomial beyond its poles and a view along the image plane do.
-FARTHEST = 1 << 20  # px
+__all__ = ["RectificationOptions", "View", "rectify"]
+
 DEGENERATE = 10  # a rectified view magnified or reduced further is one that went wrong
-_CHUNK = 1 << 15  # pixels at a time: the intermediate arrays then stay in the cache
 
 
-@dataclass(frozen=True, eq=False)
-class View:
-    """One rectified camera.
+@dataclass(frozen=True)
+class RectificationOptions:
+    """What the user chooses of the rectification, each by its command-line name; None: not chosen.
 
-    Members
-    -------
-    side : str
-        "left" or "right".
-    camera : Camera
-        The source camera.
-    R : (3, 3) float64
-        Rectifying rotation, from the source camera to the rectified one.
-    P : (3, 4) float64
-        Projection of the rectified camera, px.
-    width, height : int
-        Size of the rectified image and of the source image, px.
-    lens : bool
-        Whether the map contains the lens. Without it, it is the homography of Eq. 2.
-    geometry : (str, array)
-        For messages: the role of the field that R follows from, and its value.
-    fault : callable
-        For messages: Rig.fault of the rig that the view is of.
-    """
-
-    side: str
-    camera: Camera
-    R: np.ndarray
-    P: np.ndarray
-    width: int
-    height: int
-    lens: bool
-    geometry: tuple[str, np.ndarray | None] = field(default=("R", None), repr=False)
-    fault: Callable[..., InputError] = field(default=partial(InputError, None), repr=False)
-
-    @cached_property
-    def ray(self) -> np.ndarray:
-        """(3, 3) float64: takes a rectified pixel (xr, yr, 1) to its ray in the source camera's axes.
-
-        (P R)^-1 and not R^T P^-1, as in OpenCV: the two differ where a file rounds R.
-        """
-        return np.linalg.inv(self.P[:, :3] @ self.R)
-
-    @property
-    def homography(self) -> np.ndarray:
-        """(3, 3) float64: C = K R^T P^-1, which takes (xr, yr, 1) to (x, y, z) with u = x/z, v = y/z (Eq. 1-3)."""
-        return self.camera.K @ self.ray
-
-    def project(self, xr, yr) -> tuple[np.ndarray, np.ndarray]:
-        """Source coordinates (u, v), px, float64, of rectified pixels; xr and yr of any shapes that broadcast."""
-        matrix = self.ray if self.lens else self.homography
-        x, y, z = (row[0] * xr + (row[1] * yr + row[2]) for row in matrix)
-        x /= z
-        y /= z
-        if not self.lens:
-            return x, y
-        x, y = (_equidistant if self.camera.model == "equidistant" else _polynomial)(x, y, self.camera.D)
-        (fx, skew, cx), (_, fy, cy), _ = self.camera.K
-        u = x * fx
-        if skew:
-            u += skew * y
-        u += cx
-        v = y * fy
-        v += cy
-        return u, v
-
-    def map(self) -> tuple[np.ndarray, np.ndarray]:
-        """Source coordinates (u, v), px, read-only float64 arrays of shape (height, width). Computed once.
-
-        Raises InputError if no pixel of the rectified image comes from inside the source image, or if one comes from
-        farther out than any core can address.
-        """
-        return self._map
-
-    @cached_property
-    def _map(self):
-        u, v = (np.empty((self.height, self.width)) for _ in range(2))
-        xr = np.arange(self.width, dtype=np.float64)
-        step = max(1, _CHUNK // self.width)
-
-        def fill(top):
-            rows = slice(top, min(top + step, self.height))
-            yr = np.arange(rows.start, rows.stop, dtype=np.float64)[:, None]
-            with np.errstate(all="ignore"):  # what overflows is refused below
-                part_u, part_v = self.project(xr, yr)
-            u[rows], v[rows] = part_u, part_v
-            inside = (part_u >= 0) & (part_u <= self.width - 1) & (part_v >= 0) & (part_v <= self.height - 1)
-            return inside.any(), max(np.abs(part_u, out=part_u).max(), np.abs(part_v, out=part_v).max())
-
-        with ThreadPoolExecutor() as pool:
-            parts = list(pool.map(fill, range(0, self.height, step)))
-        if not all(farthest <= FARTHEST for _, farthest in parts):
-            raise self._refusal(f"the map of the {self.side} camera leads to infinity")
-        if not any(inside for inside, _ in parts):
-            raise self._refusal(f"no pixel of the rectified {self.side} image comes from inside the source image")
-        u.setflags(write=False)
-        v.setflags(write=False)
-        return u, v
-
-    def _refusal(self, problem):
-        if not self.lens:
-            return self.fault(*self.geometry, problem)
-        replace(self, lens=False).map()  # raises if the lens is not to blame
-        return self.fault(f"D{1 + SIDES.index(self.side)}", self.camera.D, problem)
-
-    def nearest(self) -> float:
-        """The least z of (x, y, z) over the rectified frame; z is affine in xr and yr, so a corner has it."""
-        xr, yr = np.meshgrid([0, self.width - 1], [0, self.height - 1])
-        return (self.ray[2, 0] * xr + self.ray[2, 1] * yr + self.ray[2, 2]).min()
-
-
-def rectify(rig: Rig, *, alpha: float = 0.0, lens: bool) -> dict[str, View]:
-    """The rectified views of ``rig``, by side.
-
-    The rectification is the file's own where there is one. Otherwise it is cv2.stereoRectify's with
-    CALIB_ZERO_DISPARITY and ``alpha`` (0: no pixel without a source, 1: no source pixel lost), computed with the lens
-    even if the map is without it: cores with and without lens then share R and P. Equidistant cameras take no part in
-    ``alpha``; see :func:`_rectify_equidistant`.
+    Parameters
+    ----------
+    alpha : float
+        As cv2.stereoRectify's: 0 shows no pixel without a source, 1 loses no source pixel. It is a choice of the focal
+        length, which equidistant cameras do not have; 0 where nothing else chooses it.
+    focal : float
+        Focal length of both rectified views, px.
+    fov : float
+        In place of ``focal``: horizontal field of view of the rectified frame, outer edge to outer edge, degrees.
+    center : (x, y)
+        Principal point of both rectified views, px, inside the frame.
+    minimise : "rows"
+        Choose what is left free so that the line buffers are smallest; see `hdl.row_minimisation`.
+    max_fov_loss : float
+        For ``minimise``: the share of the field of view that it may give up, 0 to 0.5.
 
     Raises
     ------
     InputError
-        If ``alpha`` lies outside 0 to 1, or if the rectified frame reaches behind a camera (z <= 0).
+        For a value outside its range, and where two of alpha, focal and fov are given.
     """
-    if not 0 <= alpha <= 1:
-        raise InputError("--alpha", None, alpha, "a number from 0 to 1 is needed")
-    if rig.rectification:
+
+    alpha: float | None = None
+    focal: float | None = None
+    center: tuple[float, float] | None = None
+    fov: float | None = None
+    minimise: str | None = None
+    max_fov_loss: float = 0.05
+
+    def __post_init__(self):
+        for name, fits, needed in (
+            ("alpha", lambda x: 0 <= x <= 1, "a number from 0 to 1"),
+            ("focal", lambda x: 0 < x < math.inf, "a positive number of pixels"),
+            ("fov", lambda x: 0 < x < 180, "an angle between 0 and 180 degrees"),
+            ("max_fov_loss", lambda x: 0 <= x <= 0.5, "a share from 0 to 0.5"),
+        ):
+            value = getattr(self, name)
+            if value is not None and not fits(value):
+                raise InputError(_option(name), None, value, f"{needed} is needed")
+        if self.minimise not in (None, "rows"):
+            raise InputError("--minimise", None, self.minimise, "rows is what can be minimised")
+        first, *others = [name for name in ("alpha", "focal", "fov") if getattr(self, name) is not None] or [None]
+        if others:
+            problem = f"{_option(first)} chooses the focal length already; keep one of them"
+            raise InputError(_option(others[0]), None, getattr(self, others[0]), problem)
+
+    @property
+    def given(self) -> list[str]:
+        """The choices that were made, as the command line spells them. With one, a file's own rectification is out."""
+        names = ("alpha", "focal", "center", "fov", "minimise")
+        return [_option(name) for name in names if getattr(self, name) is not None]
+
+
+def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *, lens: bool) -> dict[str, View]:
+    """The rectified views of ``rig``, by side.
+
+    The rectification is the file's own where there is one and ``options`` choose nothing. Otherwise it is
+    cv2.stereoRectify's with CALIB_ZERO_DISPARITY, computed with the lens even if the map is without it: cores with and
+    without lens then share R and P. Equidistant cameras keep the source's focal length and have their principal point
+    in the middle of the frame, unless options say otherwise. ``minimise`` alone, on a file with a rectification, starts
+    from that, and its result depends on ``lens``.
+
+    Raises
+    ------
+    InputError
+        If an option does not fit the rig, or if the rectified frame reaches behind a camera (z <= 0).
+    """
+    if rig.rectification and options.given in ([], ["--minimise"]):
         rectification = rig.rectification
         geometry = [(role, rectification[side][0]) for role, side in zip(("R1", "R2"), SIDES)]
     else:
-        equidistant = "equidistant" in (rig.left.model, rig.right.model)
-        rectification = _rectify_equidistant(rig) if equidistant else _rectify_polynomial(rig, alpha)
+        rectification = _computed(rig, options)
         geometry = [_larger_turn(rig)] * 2
     views = {
-        side: View(side, rig.camera(side), *rectification[side], rig.width, rig.height, lens, origin, rig.fault)
-        for side, origin in zip(SIDES, geometry)
+        side: View(side, rig.camera(side), *rectification[side], rig.width, rig.height, lens, culprit, rig.fault)
+        for side, culprit in zip(SIDES, geometry)
     }
     for view in views.values():
         if not view.nearest() > 0:
             problem = f"the rectified frame reaches behind the {view.side} camera (z = {view.nearest():.3g})"
             raise rig.fault(*view.geometry, problem)
+    if options.minimise:
+        focal = options.focal is None and options.fov is None
+        return minimise_rows(views, options.max_fov_loss, center=options.center is None, focal=focal)
     return views
 
 
-def _rectify_polynomial(rig, alpha):
+def _option(name):
+    return "--" + name.replace("_", "-")
+
+
+def _equidistant(rig):
+    return "equidistant" in (rig.left.model, rig.right.model)
+
+
+def _computed(rig, options):
+    """{side: (R, P)} by cv2.stereoRectify and ``options``."""
+    alpha = options.alpha or 0.0
+    chosen = options.center or options.focal or options.fov
+    if not _equidistant(rig):
+        R1, R2, P1, P2 = _polynomial(rig, alpha, check=not chosen)
+    elif options.alpha is None:
+        R1, R2, P1, P2 = _without_alpha(rig)
+    else:
+        raise InputError("--alpha", None, alpha, "an equidistant lens has none; choose --focal or --fov")
+    if rig.rectification:
+        R1 = R2 @ rig.R  # of such a rig R has the errors that rounding left in R1 and R2 of the file
+    if not chosen:
+        return {"left": (R1, P1), "right": (R2, P2)}
+    center = options.center or (P1[0, 2], P1[1, 2])
+    for name, c, extent in zip("xy", center, (rig.width, rig.height)):
+        if not 0 <= c <= extent - 1:
+            problem = f"the principal point lies outside the {rig.width}x{rig.height} frame"
+            raise InputError("--center", name, c, problem if options.center else problem + "; give one")
+    if options.focal or options.fov:
+        f = options.focal or _focal_of_fov(options.fov, center[0], rig.width)
+        if not max(rig.width, rig.height) / 20 <= f <= max(rig.width, rig.height) * 100:
+            name, value = ("--focal", f) if options.focal else ("--fov", options.fov)
+            raise InputError(name, None, value, f"a focal length of {f:.4g} px suits no {rig.width}x{rig.height} frame")
+    elif _equidistant(rig):
+        f = P1[0, 0]
+    else:
+        f = _focal_of_alpha(rig, (R1, R2), center, alpha)
+    return _pair(rig, (R1, R2), f, center)
+
+
+def _pair(rig, rotations, f, center):
+    """{side: (R, P)} for a common focal length and principal point."""
+    P1 = np.array([[f, 0, center[0], 0], [0, f, center[1], 0], [0, 0, 1, 0]], dtype=np.float64)
+    P2 = P1.copy()
+    P2[0, 3] = f * (rotations[1] @ rig.T)[0]
+    return {"left": (rotations[0], P1), "right": (rotations[1], P2)}
+
+
+def _without_alpha(rig):
+    """R1, R2, P1, P2: cv2.stereoRectify's rotations, the source's mean focal length, the middle of the image.
+
+    cv2.fisheye.stereoRectify derives a focal length from the image corners, which tends to 0 on lenses near
+    180 degrees.
+    """
+    R1, R2, _, _ = _stereo_rectify(rig, None, None, 0)
+    pair = _pair(rig, (R1, R2), _source_focal_length(rig), ((rig.width - 1) / 2, (rig.height - 1) / 2))
+    return R1, R2, pair["left"][1], pair["right"][1]
+
+
+def _polynomial(rig, alpha, check):
+    """R1, R2, P1, P2 of cv2.stereoRectify; ``check``: refuse a magnification that cannot be meant."""
     D1, D2 = (camera.D if camera.D.size else None for camera in (rig.left, rig.right))
     R1, R2, P1, P2 = _stereo_rectify(rig, D1, D2, alpha)
-    if _degenerate(rig, P1, P2):
+    if check and _degenerate(rig, P1, P2):
         if _degenerate(rig, *_stereo_rectify(rig, None, None, alpha)[2:]):
             culprit = _larger_turn(rig)
         elif _degenerate(rig, *_stereo_rectify(rig, None, D2, alpha)[2:]):
@@ -179,7 +180,7 @@ def _rectify_polynomial(rig, alpha):
         magnification = P1[0, 0] / _source_focal_length(rig)
         problem = f"with alpha {alpha:g} cv2.stereoRectify magnifies {magnification:.3g} times; another alpha may help"
         raise rig.fault(*culprit, problem)
-    return {"left": (R1, P1), "right": (R2, P2)}
+    return R1, R2, P1, P2
 
 
 def _degenerate(rig, P1, P2):
@@ -188,18 +189,60 @@ def _degenerate(rig, P1, P2):
     return not (1 / DEGENERATE < magnification < DEGENERATE and centres <= DEGENERATE * max(rig.width, rig.height))
 
 
-def _rectify_equidistant(rig):
-    """Rotations as cv2.stereoRectify; the focal length is the mean of the source's, the centre that of the image.
+def _focal_of_fov(fov, cx, width):
+    """The focal length, px, at which atan(left/f) + atan(right/f) = fov for the frame's edges left and right of cx."""
+    product = (cx + 0.5) * (width - 0.5 - cx)
+    half = width / 2 / math.tan(math.radians(fov))
+    return half + math.sqrt(half * half + product)
 
-    cv2.fisheye.stereoRectify derives a focal length from the image corners, which tends to 0 on lenses near
-    180 degrees.
+
+def _focal_of_alpha(rig, rotations, center, alpha):
+    """What alpha means for a principal point that is not cv2.stereoRectify's.
+
+    With 0 the least focal length whose frame has a source at every pixel of its border, with 1 the greatest whose frame
+    has one at none, linearly between them.
     """
-    R1, R2, _, _ = _stereo_rectify(rig, None, None, 0)
+
+    def border(f):
+        pair = _pair(rig, rotations, f, center)
+        return np.concatenate([
+            _border_inside(View(side, rig.camera(side), *pair[side], rig.width, rig.height, lens=True))
+            for side in SIDES
+        ])  # fmt: skip
+
     f = _source_focal_length(rig)
-    P1 = np.array([[f, 0, (rig.width - 1) / 2, 0], [0, f, (rig.height - 1) / 2, 0], [0, 0, 1, 0]])
-    P2 = P1.copy()
-    P2[0, 3] = f * (R2 @ rig.T)[0]
-    return {"left": (R1, P1), "right": (R2, P2)}
+    tried = f * np.geomspace(DEGENERATE, 1 / DEGENERATE, 300)
+    whole = _last(tried, lambda f: border(f).all())
+    if whole is None:
+        problem = "no focal length shows pixels with a source only; give one with --focal"
+        raise InputError("--center", None, f"{center[0]:g},{center[1]:g}", problem)
+    outer = _last(tried, lambda f: border(f).any()) if alpha else whole
+    return whole * (1 - alpha) + outer * alpha
+
+
+def _last(tried, holds):
+    """Down the sequence ``tried``, the least value to which ``holds`` still holds; None if it never does."""
+    if not holds(tried[0]):
+        return None
+    fails = next((i for i, value in enumerate(tried) if not holds(value)), None)
+    if fails is None:
+        return tried[-1]
+    good, bad = tried[fails - 1], tried[fails]
+    for _ in range(40):
+        middle = (good + bad) / 2
+        good, bad = (middle, bad) if holds(middle) else (good, middle)
+    return good
+
+
+def _border_inside(view):
+    """For the pixels of the frame's border: whether they have a source inside the source image."""
+    x, y = np.arange(view.width, dtype=np.float64), np.arange(view.height, dtype=np.float64)
+    right, bottom = np.full_like(y, x[-1]), np.full_like(x, y[-1])
+    xr, yr = np.concatenate([x, x, 0 * y, right]), np.concatenate([0 * x, bottom, y, y])
+    with np.errstate(all="ignore"):
+        u, v = view.project(xr, yr)
+    front = view.ray[2] @ [xr, yr, np.ones_like(xr)] > 0
+    return front & (u >= 0) & (u <= view.width - 1) & (v >= 0) & (v <= view.height - 1)
 
 
 def _source_focal_length(rig):
@@ -222,54 +265,3 @@ def _larger_turn(rig):
     angle = np.linalg.norm(cv2.Rodrigues(rig.R)[0]) / 2
     x, y, z = half_rotation(rig.R) @ rig.T
     return ("T", rig.T) if np.arctan2(np.hypot(y, z), -x) > angle else ("R", rig.R)
-
-
-def _polynomial(x, y, D):
-    """OpenCV's lens model on the normalised plane; x, y and D as in cv2.initUndistortRectifyMap.
-
-    Source: OpenCV, calib3d, "Detailed Description"; the tilted sensor is that of Louhichi et al. 2007.
-    """
-    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = np.pad(D, (0, 14 - D.size))
-    xx, yy, xy = x * x, y * y, x * y
-    r2 = xx + yy
-    radial = r2 * k3
-    radial += k2
-    radial *= r2
-    radial += k1
-    radial *= r2
-    radial += 1
-    if k4 or k5 or k6:
-        radial /= 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-    x = x * radial
-    y = y * radial
-    if p1 or p2:
-        xy *= 2
-        x += p1 * xy + p2 * (r2 + 2 * xx)
-        y += p2 * xy + p1 * (r2 + 2 * yy)
-    if s1 or s2 or s3 or s4:
-        x += r2 * (s1 + s2 * r2)
-        y += r2 * (s3 + s4 * r2)
-    if tau_x or tau_y:
-        tilt = _tilt(tau_x, tau_y)
-        x, y, z = (row[0] * x + row[1] * y + row[2] for row in tilt)
-        x /= z
-        y /= z
-    return x, y
-
-
-def _tilt(tau_x, tau_y):
-    """(3, 3): the projection onto an image sensor that is tilted by tau_x about x, then tau_y about y (rad)."""
-    (sx, sy), (cx, cy) = np.sin([tau_x, tau_y]), np.cos([tau_x, tau_y])
-    turn = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]]) @ np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
-    return np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]]) @ turn
-
-
-def _equidistant(x, y, D):
-    """Kannala-Brandt, as cv2.fisheye: the image radius is theta (1 + k1 theta^2 + ... + k4 theta^8)."""
-    k1, k2, k3, k4 = D
-    r = np.hypot(x, y)
-    theta = np.arctan(r)
-    t2 = theta * theta
-    scale = np.divide(theta, r, out=np.ones_like(r), where=r > 0)
-    scale *= 1 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4)))
-    return x * scale, y * scale

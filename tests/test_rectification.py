@@ -9,7 +9,7 @@ import pytest
 
 from hdl.calibration import Camera, Rig, embedded, load
 from hdl.errors import InputError
-from hdl.rectification import View, rectify
+from hdl.rectification import RectificationOptions, View, rectify
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 needs_shared_data = pytest.mark.skipif(not SHARED.is_dir(), reason="the reference data, ../shared/data, is not here")
@@ -57,7 +57,7 @@ def fisheye_rig():
 
 def refusal(rig, *, lens=True, **options):
     with pytest.raises(InputError) as caught:
-        for side in rectify(rig, lens=lens, **options).values():
+        for side in rectify(rig, RectificationOptions(**options), lens=lens).values():
             side.map()
     return str(caught.value)
 
@@ -137,7 +137,7 @@ def test_rectification_is_opencvs_with_the_lens_even_where_the_map_has_none(alph
         flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha,
     )[:4]  # fmt: skip
     for lens in (False, True):
-        views = rectify(rig, alpha=alpha, lens=lens)
+        views = rectify(rig, RectificationOptions(alpha=alpha), lens=lens)
         assert list(views) == ["left", "right"]
         for side, R, P in (("left", R1, P1), ("right", R2, P2)):
             assert np.array_equal(views[side].R, R) and np.array_equal(views[side].P, P)
@@ -147,7 +147,7 @@ def test_rectification_is_opencvs_with_the_lens_even_where_the_map_has_none(alph
 
 def test_rectification_of_the_file_goes_before_opencvs():
     rig = embedded()
-    views = rectify(rig, alpha=0.7, lens=True)
+    views = rectify(rig, RectificationOptions(alpha=0.7), lens=True)
     given = {side: (views[side].R, views[side].P + 1e-9) for side in views}
     for side, made in rectify(replace(rig, rectification=given), lens=True).items():
         assert made.R is given[side][0] and made.P is given[side][1]
