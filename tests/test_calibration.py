@@ -32,7 +32,8 @@ def assert_is_rig(rig, fields=RIG, size=(640, 480)):
         assert np.array_equal(camera.K, numbers(fields, K))
         assert np.array_equal(camera.D, numbers(fields, D).ravel())
         assert camera.K.dtype == camera.D.dtype == np.float64
-    assert np.array_equal(rig.R, numbers(fields, "R"))
+    assert np.abs(rig.R - numbers(fields, "R")).max() < 1e-8  # the nearest rotation: the file rounds
+    assert np.abs(rig.R.T @ rig.R - np.eye(3)).max() < 1e-14
     assert np.array_equal(rig.T, numbers(fields, "T").ravel())
 
 
@@ -186,25 +187,31 @@ def test_scaling_keeps_pixel_centres_at_integers():
     assert rig.scaled(640, 480) is rig
 
 
+def format_of(rig, recognises=lambda document: True):
+    return SimpleNamespace(
+        NAME="other", TITLE="Other", SEVERAL_FILES=False, SELECT=None, recognises=recognises,
+        read=lambda documents, size, select: rig,
+    )  # fmt: skip
+
+
 def test_a_further_format_is_one_entry_in_the_registry(monkeypatch):
-    other = SimpleNamespace(
-        NAME="Other",
-        recognises=lambda document: document.text.startswith("other"),
-        read=lambda documents, size: embedded(),
-    )
-    monkeypatch.setattr(calibration, "FORMATS", (*calibration.FORMATS, other))
+    other = format_of(embedded(), recognises=lambda document: document.text.startswith("other"))
+    monkeypatch.setattr(calibration, "FORMATS", (calibration.opencv, other))
     assert load(write("other", "o.txt")).source == "opencv_samples.yml"
-    assert refusal("o.txt", write(as_yaml(RIG))) == "o.txt, rig.yml: files of different calibration formats"
-    known = "not a stereo calibration in a known format: OpenCV FileStorage (YAML, XML, JSON), Other"
+    assert load("o.txt").format == "other"
+    assert refusal("o.txt", write(as_yaml(RIG))) == (
+        "other: o.txt; opencv: rig.yml: "
+        "files of different calibration formats; name those of one, or choose it with --format"
+    )
+    known = "not a stereo calibration in a known format: opencv, other"
     assert refusal("o.txt", write("neither", "n.txt")) == f"n.txt: {known}"
 
 
 def test_every_rig_is_checked_whichever_format_it_comes_from(monkeypatch):
     rig = embedded()
-    mirrored = replace(rig, source="o.txt", T=-rig.T, fields={"T": ("o.txt", "baseline")})
-    other = SimpleNamespace(NAME="Other", recognises=lambda document: True, read=lambda documents, size: mirrored)
-    monkeypatch.setattr(calibration, "FORMATS", (other,))
-    assert refusal(write("other", "o.txt")).startswith("o.txt: baseline = [99.835542125955")
+    upright = replace(rig, source="o.txt", T=rig.T[[1, 0, 2]], fields={"T": ("o.txt", "baseline")})
+    monkeypatch.setattr(calibration, "FORMATS", (format_of(upright),))
+    assert refusal(write("other", "o.txt")).startswith("o.txt: baseline = [1.1481066341242334, -99.83554212595")
 
 
 @needs_shared_data

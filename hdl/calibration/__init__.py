@@ -1,61 +1,129 @@
 """Stereo calibrations: one rig, whatever program wrote the file.
 
-A further format is one module with ``NAME``, ``recognises(document)`` and ``read(documents, size)``, and its entry in
-``FORMATS``. The format is chosen by content, never by the name of a file.
+A further format is one module and its entry in ``FORMATS``. The module has
+
+    NAME            for the option --format
+    TITLE           for people
+    SEVERAL_FILES   whether one rig may be spread over several files
+    SELECT          what ``select`` chooses in such a file, or None if there is nothing to choose
+    recognises      document to bool: by content, never by the name of a file
+    read            (documents, size, select) to Rig
 """
 
+from dataclasses import replace
 from importlib import resources
 
-from hdl.calibration import checks, opencv
+from hdl.calibration import (
+    bouguet,
+    checks,
+    depthai,
+    euroc,
+    folder,
+    kalibr,
+    kitti,
+    matlab,
+    mynt,
+    omnidirectional,
+    opencv,
+    orbslam,
+    ros,
+    suspicions,
+    zed,
+)
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import SIDES, Camera, Rig
 from hdl.errors import InputError
 
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
-FORMATS = (opencv,)
+# The first that recognises a file reads it. OpenCV's comes last: others are written in its YAML too.
+FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, mynt, orbslam, bouguet, matlab, opencv)
 
 _EMBEDDED = "opencv_samples.yml"
 
 
-def load(path, *more, size: tuple[int, int] | None = None) -> Rig:
+def load(path, *more, size: tuple[int, int] | None = None, format: str | None = None, select: str | None = None) -> Rig:
     """The rig in one calibration file, or in several that belong together, checked.
 
     Parameters
     ----------
     path, *more : str or Path
-        In any order.
+        In any order. A folder stands for the calibration files in it.
     size : (width, height), optional
-        The frame size in px. A calibration of another size is scaled to it; one that states none is taken to be of it.
+        The frame size in px. A calibration of another size is scaled to it; one that states none is taken to be of it;
+        of one with several resolutions it chooses the one.
+    format : str, optional
+        NAME of the format that the files are in, for files that are not recognised, or as two formats.
+    select : str, optional
+        Which cameras or which resolution of a file that holds more than one pair; see SELECT of the format.
 
     Raises
     ------
     InputError
         For anything that is wrong with the files: one line that names file, field and value.
     """
-    return _rig([Document.open(name) for name in (path, *more)], size)
+    reader = _forced(format)
+    recognised = reader.recognises if reader else _recognised
+    documents = []
+    for name in (path, *more):
+        documents += folder.documents(name, recognised) if folder.is_folder(name) else [Document.open(name)]
+    reader = reader or _format(documents)
+    if len(documents) > 1 and not reader.SEVERAL_FILES:
+        problem = f"several calibrations ({reader.TITLE}), each complete in itself; name one"
+        raise InputError(_names(documents), None, None, problem)
+    return _rig(reader, documents, size, select)
 
 
 def embedded(size: tuple[int, int] | None = None) -> Rig:
     """The default rig: OpenCV's sample pair, 640x480, scaled to ``size`` if given."""
     text = resources.files(__package__).joinpath(_EMBEDDED).read_text(encoding="utf-8")
-    return _rig([Document(_EMBEDDED, text)], size)
+    return _rig(opencv, [Document(_EMBEDDED, text)], size, None)
 
 
-def _rig(documents, size):
+def _rig(reader, documents, size, select):
     if size is not None:
         size = checks.image_size("--size", None, *size)
-    rig = checks.check(_format(documents).read(documents, size))
+    if select is not None and not reader.SELECT:
+        raise InputError("--select", None, select, f"there is nothing to choose in a calibration of {reader.TITLE}")
+    rig = suspicions.settled(checks.check(reader.read(documents, size, select)))
+    rig = replace(rig, format=reader.NAME)
     return rig.scaled(*size) if size else rig
+
+
+def _forced(format):
+    if format is None:
+        return None
+    for candidate in FORMATS:
+        if candidate.NAME == format:
+            return candidate
+    raise InputError("--format", None, format, f"the formats are {_known()}")
+
+
+def _recognised(document):
+    return any(candidate.recognises(document) for candidate in FORMATS)
 
 
 def _format(documents):
     for candidate in FORMATS:
         if all(candidate.recognises(document) for document in documents):
             return candidate
+    groups = {}
     for document in documents:
-        if not any(candidate.recognises(document) for candidate in FORMATS):
-            known = ", ".join(candidate.NAME for candidate in FORMATS)
-            raise InputError(document.name, None, None, f"not a stereo calibration in a known format: {known}")
-    names = ", ".join(document.name for document in documents)
-    raise InputError(names, None, None, "files of different calibration formats")
+        name = next((candidate.NAME for candidate in FORMATS if candidate.recognises(document)), None)
+        if name is None:
+            omnidirectional.refuse(document)
+            problem = f"not a stereo calibration in a known format: {_known()}"
+            raise InputError(document.name, None, None, problem)
+        groups.setdefault(name, []).append(document)
+    described = "; ".join(f"{name}: {_names(group)}" for name, group in groups.items())
+    problem = "files of different calibration formats; name those of one, or choose it with --format"
+    raise InputError(described, None, None, problem)
+
+
+def _known():
+    return ", ".join(candidate.NAME for candidate in FORMATS)
+
+
+def _names(documents, most=4):
+    names = [document.name for document in documents]
+    return ", ".join(names if len(names) <= most else [*names[: most - 1], f"{len(names) - most + 1} more"])

@@ -9,10 +9,12 @@ from hdl.calibration.rig import SIDES, Rig
 from hdl.errors import InputError
 
 SIZE_RANGE = (16, 16384)  # px
+LONGEST = 1e9  # of a baseline, in whatever unit
+ROTATION_EXACT = 1e-14  # what float64 leaves of R^T R - I
 ROTATION_TOLERANCE = 1e-3  # of R^T R from I: files round to as little as four digits
 POLYNOMIAL_COUNTS = (0, 4, 5, 8, 12, 14)
 EQUIDISTANT_COUNTS = (4,)
-# A file's own rectification is used as it stands; only one that belongs to another rig is refused.
+# Beyond this, a rectification is that of another rig. A smaller contradiction is settled in suspicions.
 CONTRADICTION = 0.1  # rad
 
 
@@ -25,14 +27,18 @@ def array(where: str, field: str, values, shape: tuple[int, ...]) -> np.ndarray:
         found = f"{len(values)} values" if isinstance(values, list) else values
         raise InputError(where, field, found, f"{math.prod(shape)} numbers are needed")
     for index, value in enumerate(values):
-        if not isinstance(value, (int, float)) or not math.isfinite(value):
+        if not is_number(value) or not math.isfinite(value):
             raise InputError(where, f"{field}[{index}]", value, "not a finite number")
     return np.array(values, dtype=np.float64).reshape(shape)
 
 
+def is_number(value) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def whole(where: str, field: str | None, value) -> int:
     """``value`` as int. Raises InputError unless it is a whole number."""
-    if not isinstance(value, (int, float)) or not math.isfinite(value) or value % 1:
+    if not is_number(value) or not math.isfinite(value) or value % 1:
         raise InputError(where, field, value, "a whole number of pixels is needed")
     return int(value)
 
@@ -44,6 +50,28 @@ def image_size(where: str, field: str | None, width, height) -> tuple[int, int]:
     if not all(low <= value <= high for value in size):
         raise InputError(where, field, f"{size[0]}x{size[1]}", f"an image size must lie between {low} and {high} px")
     return size
+
+
+def rotation(where: str, field: str | None, R: np.ndarray) -> np.ndarray:
+    """``R`` itself, (3, 3). Raises InputError unless it is a rotation within ROTATION_TOLERANCE."""
+    if problem := _no_rotation(R):
+        raise InputError(where, field, R.tolist(), problem)
+    return R
+
+
+def nearest_rotation(R: np.ndarray) -> np.ndarray:
+    """(3, 3): the rotation that ``R`` is, up to the digits it was written with; ``R`` itself if these are enough."""
+    if np.abs(R.T @ R - np.eye(3)).max() < ROTATION_EXACT:
+        return R
+    U, _, V = np.linalg.svd(R)
+    return U @ V
+
+
+def position(where: str, field: str | None, T: np.ndarray) -> np.ndarray:
+    """``T`` itself. Raises InputError unless it is a length in some unit; zero is one here."""
+    if not (np.isfinite(T).all() and np.abs(T).max() < LONGEST):
+        raise InputError(where, field, T.tolist(), "no length of a baseline in any unit")
+    return T
 
 
 def check(rig: Rig) -> Rig:
@@ -96,28 +124,30 @@ def _check_lens(rig, role, camera):
 
 
 def _check_rotation(rig, role, R):
-    _check_finite(rig, role, R)
+    if problem := _no_rotation(R):
+        raise rig.fault(role, R, problem)
+
+
+def _no_rotation(R):
+    if not np.isfinite(R).all():
+        return "not finite"
     off = np.abs(R.T @ R - np.eye(3)).max() if np.abs(R).max() < 2 else np.inf
     if off > ROTATION_TOLERANCE:
-        raise rig.fault(role, R, f"not a rotation: R^T R differs from the identity by {off:.2g}")
-    if np.linalg.det(R) < 0:
-        raise rig.fault(role, R, "not a rotation: its determinant is -1")
+        return f"not a rotation: R^T R differs from the identity by {off:.2g}"
+    return "not a rotation: its determinant is -1" if np.linalg.det(R) < 0 else None
 
 
 def _check_baseline(rig):
-    """The right camera beside the left one, and on its right."""
+    """One camera beside the other. On which side is a matter of suspicions: OpenCV rectifies both ways."""
     T = rig.T
     _check_finite(rig, "T", T)
     if not T.any():
         raise rig.fault("T", T, "the two cameras are in one place; a stereo rig has a baseline")
-    if not 1e-9 < np.abs(T).max() < 1e9:
+    if not 1 / LONGEST < np.abs(T).max() < LONGEST:
         raise rig.fault("T", T, "no length of a baseline in any unit")
     x, y, _ = half_rotation(rig.R) @ T
     if abs(y) > abs(x):
         problem = "one camera is above the other; turn the images and the calibration by 90 degrees"
-        raise rig.fault("T", T, problem)
-    if x >= 0:
-        problem = "the first camera is on the right; exchange the cameras (x_right = R x_left + T needs T.x < 0)"
         raise rig.fault("T", T, problem)
 
 
@@ -132,7 +162,11 @@ def _check_rectification(rig):
         raise rig.fault("P2", P2[1], f"not row-aligned with the left camera's {P1[1].tolist()}")
     if abs(P2[1, 3]) > abs(P2[0, 3]):
         raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")
-    if P2[0, 3] - P1[0, 3] > 0:
+    leads_right = (R2 @ rig.T)[0] < 0
+    if leads_right != (P2[0, 3] - P1[0, 3] < 0):
+        if not leads_right:
+            problem = "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
+            raise rig.fault("T", rig.T, problem)
         raise rig.fault("P2", P2[0], "the baseline has the wrong sign for a camera on the right")
     turn = np.linalg.norm(cv2.Rodrigues(R2 @ rig.R @ R1.T)[0])
     baseline = R2 @ rig.T / np.linalg.norm(rig.T)

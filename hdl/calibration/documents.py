@@ -4,6 +4,7 @@ Everything here raises InputError for what it refuses. Nothing in a file can run
 memory out of proportion to its size.
 """
 
+import json
 import re
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +13,12 @@ from pathlib import Path
 import yaml
 from defusedxml import DefusedXmlException, ElementTree
 
+from hdl.calibration import matfile
 from hdl.errors import InputError
 
 MAX_BYTES = 1 << 20  # calibration files are a few kilobytes
 MAX_DEPTH = 32
+MAX_ENTRIES = 100_000  # of YAML; each takes a kilobyte while it is read
 
 # The numbers of YAML 1.2 and of cv::FileStorage: 640, 0., 1.e-001, 1e5, .5, -.Inf, .Nan
 _NUMBER = re.compile(r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?|\.nan|\.inf)\Z", re.IGNORECASE)
@@ -23,22 +26,25 @@ _NUMBER = re.compile(r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?|\.n
 
 @dataclass(frozen=True)
 class Document:
-    """One file: ``name`` as the user gave it, and its ``text``."""
+    """One file: ``name`` as the user gave it, and its ``text``; for MAT-files, which are not text, its ``data``."""
 
     name: str
     text: str
+    data: bytes = b""
 
     @classmethod
     def open(cls, path) -> "Document":
         try:
             with Path(path).open("rb") as file:
                 content = file.read(MAX_BYTES + 1)
-        except OSError as error:
-            raise InputError(path, None, None, f"cannot be read: {error.strerror}") from None
+        except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+            raise InputError(path, None, None, f"cannot be read: {getattr(error, 'strerror', error)}") from None
         if len(content) > MAX_BYTES:
             raise InputError(path, None, None, f"larger than {MAX_BYTES >> 20} MiB, so not a calibration")
         if not content.strip():
             raise InputError(path, None, None, "the file is empty")
+        if content.startswith(matfile.MAGIC):
+            return cls(str(path), "", content)
         try:
             return cls(str(path), content.decode("utf-8-sig"))
         except UnicodeDecodeError as error:
@@ -55,7 +61,7 @@ class Document:
         text = re.sub(r"\A%YAML[^\n]*", "", self.text)
         text = re.sub(r"^([ \t]*[A-Za-z_][\w.-]*):(?=[^\s:/])", r"\1: ", text, flags=re.MULTILINE)
         try:
-            self._refuse_aliases_and_depth(text)
+            self._refuse_excesses(text)
             content = yaml.load(text, Loader=_Loader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
@@ -80,6 +86,41 @@ class Document:
             raise InputError(self.name, None, None, f"not XML: {error}") from None
         return self._children(root, 1)
 
+    @cached_property
+    def json(self) -> dict:
+        """The content as JSON, in the same form as :attr:`yaml`. Repeated keys are refused."""
+
+        def mapping(pairs):
+            content = dict(pairs)
+            if len(content) < len(pairs):
+                keys = [key for key, _ in pairs]
+                repeated = next(key for key in content if keys.count(key) > 1)
+                raise InputError(self.name, repeated, None, "given twice")
+            return content
+
+        try:
+            content = json.loads(
+                self.text, object_pairs_hook=mapping, parse_int=scalar, parse_float=scalar, parse_constant=str
+            )
+        except json.JSONDecodeError as error:
+            raise InputError(self.name, f"line {error.lineno}", None, f"not JSON: {error.msg}") from None
+        except RecursionError:
+            raise InputError(self.name, None, None, f"nested more than {MAX_DEPTH} deep") from None
+        if not isinstance(content, dict):
+            raise InputError(self.name, None, None, "not a calibration: there are no named fields in it")
+        level = [content]
+        for _ in range(MAX_DEPTH):
+            level = [item for group in level for item in (group.values() if isinstance(group, dict) else group)]
+            level = [item for item in level if isinstance(item, (dict, list))]
+        if level:
+            raise InputError(self.name, None, None, f"nested more than {MAX_DEPTH} deep")
+        return content
+
+    @cached_property
+    def mat(self) -> matfile.Contents:
+        """The variables of a MAT-file."""
+        return matfile.read(self.name, self.data)
+
     def _children(self, element, depth) -> dict:
         if depth > MAX_DEPTH:
             raise InputError(self.name, element.tag, None, f"nested more than {MAX_DEPTH} deep")
@@ -90,9 +131,11 @@ class Document:
             content[child.tag] = self._children(child, depth + 1) if len(child) else _xml_value(child)
         return content
 
-    def _refuse_aliases_and_depth(self, text):
+    def _refuse_excesses(self, text):
         depth = 0
-        for event in yaml.parse(text, Loader=_Loader):
+        for number, event in enumerate(yaml.parse(text, Loader=_Loader)):
+            if number > MAX_ENTRIES:
+                raise self._at(event.start_mark, f"more than {MAX_ENTRIES} entries")
             if isinstance(event, yaml.AliasEvent):
                 raise self._at(event.start_mark, "aliases are refused")
             if isinstance(event, yaml.CollectionStartEvent):

@@ -8,12 +8,15 @@ broken files can take the interpreter down with it.
 
 import re
 
-from hdl.calibration import checks
+from hdl.calibration import checks, lenses
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import Camera, Rig, polynomial_model
 from hdl.errors import InputError
 
-NAME = "OpenCV FileStorage (YAML, XML, JSON)"
+NAME = "opencv"
+TITLE = "OpenCV FileStorage (YAML, XML, JSON)"
+SEVERAL_FILES = True
+SELECT = None
 
 SPELLINGS = {
     "K1": ("M1", "K1", "camera_matrix_left"),
@@ -29,10 +32,10 @@ SPELLINGS = {
     "size": ("image_size", "imageSize", "ImageSize", "imgSize"),
     "model": ("model", "distortion_model"),
     "fisheye": ("fisheye_model",),  # 0 or 1, as OpenCV's camera_calibration sample writes it
+    "unit": ("unit",),  # as this project writes it
+    "xi": ("xi", "xi1", "xi_left"),  # cv::omnidir
 }
 SIZE_PAIRS = (("image_width", "image_height"), ("image_Width", "image_Height"), ("imageWidth", "imageHeight"))
-POLYNOMIAL = ("radtan", "plumb_bob", "rational", "rational_polynomial", "thin_prism", "tilted")
-EQUIDISTANT = ("equidistant", "fisheye")
 
 _CAMERA_MATRICES = "|".join(SPELLINGS["K1"] + SPELLINGS["K2"])
 _TRAITS = re.compile(rf'opencv-matrix|<opencv_storage|^[ \t]*"?(?:{_CAMERA_MATRICES})"?[ \t]*:', re.MULTILINE)
@@ -49,12 +52,14 @@ def recognises(document: Document) -> bool:
     return bool(_TRAITS.search(document.text))
 
 
-def read(documents: list[Document], size: tuple[int, int] | None) -> Rig:
+def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
     """The rig in ``documents``, in any order. ``size`` (width, height in px) serves where they do not state one.
 
     Raises InputError for a field that is missing, given twice with different values, or not of its shape.
     """
     storage = _Storage(documents)
+    if found := storage.find("xi"):
+        lenses.refuse_omnidirectional(found[0], found[1], "omnidir")
     K1, K2 = (storage.matrix(role, 3, 3) for role in ("K1", "K2"))
     D1, D2 = (storage.vector(role, checks.POLYNOMIAL_COUNTS) for role in ("D1", "D2"))
     R, T = storage.matrix("R", 3, 3), storage.vector("T", (3,))
@@ -64,6 +69,7 @@ def read(documents: list[Document], size: tuple[int, int] | None) -> Rig:
         P1, P2 = (storage.matrix(role, 3, 4) for role in ("P1", "P2"))
         rectification = {"left": (R1, P1), "right": (R2, P2)}
     width, height = storage.size(size)
+    unit = storage.find("unit")
     return Rig(
         source=storage.source,
         width=width,
@@ -72,9 +78,15 @@ def read(documents: list[Document], size: tuple[int, int] | None) -> Rig:
         right=Camera(storage.model(D2), K2, D2),
         R=R,
         T=T,
+        unit="m" if unit and unit[2] == "m" else None,
         rectification=rectification,
         fields=storage.fields,
     )
+
+
+def _essence(value):
+    """What two files have to agree in, whichever of YAML, XML and JSON each is."""
+    return repr([value.get(key) for key in ("rows", "cols", "data")] if isinstance(value, dict) else value)
 
 
 class _Storage:
@@ -91,7 +103,7 @@ class _Storage:
                 if name not in content:
                     continue
                 where, _, value = self._found.setdefault(name, (document.name, name, content[name]))
-                if repr(value) != repr(content[name]):
+                if _essence(value) != _essence(content[name]):
                     raise InputError(document.name, name, None, f"differs from the {name} in {where}")
 
     def find(self, role):
@@ -141,13 +153,11 @@ class _Storage:
     def model(self, D):
         """The lens model: equidistant where the file says so, otherwise what the coefficients in use amount to."""
         stated, fisheye = self.find("model"), self.find("fisheye")
-        if stated and stated[2] not in POLYNOMIAL + EQUIDISTANT:
-            raise InputError(*stated, f"the lens models known are {', '.join(POLYNOMIAL + EQUIDISTANT)}")
         if fisheye and fisheye[2] not in (0, 1):
             raise InputError(*fisheye, "0 or 1 is needed")
-        if (stated and stated[2] in EQUIDISTANT) or (fisheye and fisheye[2]):
-            return "equidistant"
-        return polynomial_model(D)
+        if stated and not (fisheye and fisheye[2]):
+            return lenses.model(*stated, D)
+        return "equidistant" if fisheye and fisheye[2] else polynomial_model(D)
 
     def size(self, default):
         """(width, height) in px: from the file, otherwise ``default``."""

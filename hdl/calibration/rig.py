@@ -48,6 +48,10 @@ class Rig:
         The rectification that the file carries: rectifying rotation and projection of each camera.
     fields : mapping of role to (file, field)
         How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2". For messages only.
+    warnings : tuple of str
+        What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
+    format : str or None
+        NAME of the format it was read from.
     """
 
     source: str
@@ -60,6 +64,8 @@ class Rig:
     unit: str | None = None
     rectification: dict[str, tuple[np.ndarray, np.ndarray]] | None = None
     fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
+    warnings: tuple[str, ...] = ()
+    format: str | None = None
 
     def camera(self, side: str) -> Camera:
         return {"left": self.left, "right": self.right}[side]
@@ -83,6 +89,27 @@ class Rig:
             right=replace(self.right, K=scale @ self.right.K),
             rectification=rectification,
         )
+
+    def exchanged(self) -> "Rig":
+        """The same rig with the right camera called left and the left one right."""
+        other = str.maketrans("12", "21")
+        return replace(
+            self,
+            left=self.right,
+            right=self.left,
+            R=self.R.T,
+            T=-self.R.T @ self.T,
+            rectification=self.rectification and dict(zip(SIDES, reversed(self.rectification.values()))),
+            fields={role.translate(other): spelling for role, spelling in self.fields.items()},
+        )
+
+    def warned(self, role: str, value, problem: str) -> "Rig":
+        """The same rig with one more warning, worded as :meth:`fault` words an error."""
+        return self.warned_as(self.fault(role, value, problem))
+
+    def warned_as(self, error: InputError) -> "Rig":
+        """The same rig with the text of ``error``, which is not raised, as one more warning."""
+        return replace(self, warnings=(*self.warnings, str(error)))
 
     def fault(self, role: str, value, problem: str) -> InputError:
         """The error for what is wrong with the field in ``role``, in the file's own spelling."""

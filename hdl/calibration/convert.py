@@ -1,0 +1,65 @@
+"""A rig as OpenCV writes calibrations: cv::FileStorage YAML that this project, cv2.FileStorage and people can read."""
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from hdl.calibration.rig import Rig
+from hdl.errors import InputError
+
+SUFFIXES = (".yml", ".yaml")
+
+
+def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
+    """The text of the file: image size, M1, D1, M2, D2, R and T, every number to its last bit.
+
+    Parameters
+    ----------
+    rig : Rig
+    rectification : dict of side to (R (3, 3), P (3, 4)), optional
+        Written as R1, P1, R2 and P2.
+
+    Raises
+    ------
+    InputError
+        For a rig whose two cameras have lenses of different kinds, which such a file has no field for.
+    """
+    if (rig.left.model == "equidistant") != (rig.right.model == "equidistant"):
+        models = f"{rig.left.model}, {rig.right.model}"
+        raise InputError(rig.source, "lens models", models, "OpenCV's format holds one kind for both cameras")
+    lines = ["%YAML:1.0", "---", f"image_width: {rig.width}", f"image_height: {rig.height}", f"model: {rig.left.model}"]
+    if rig.unit:
+        lines.append(f"unit: {rig.unit}")
+    matrices = {
+        "M1": rig.left.K, "D1": rig.left.D[None], "M2": rig.right.K, "D2": rig.right.D[None],
+        "R": rig.R, "T": rig.T[:, None],
+    }  # fmt: skip
+    if rectification:
+        (R1, P1), (R2, P2) = rectification["left"], rectification["right"]
+        matrices |= {"R1": R1, "P1": P1, "R2": R2, "P2": P2}
+    for name, matrix in matrices.items():
+        lines += _matrix(name, matrix)
+    return "\n".join(lines) + "\n"
+
+
+def write(path: Path, text: str) -> None:
+    """Put ``text`` at ``path``, whole or not at all.
+
+    Raises InputError for a name that does not end in .yml or .yaml, and OSError where it cannot be written.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError("--convert", None, path, f"the name must end in {' or '.join(SUFFIXES)}")
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".convert-") as scratch:
+        written = Path(scratch) / path.name
+        written.write_text(text, encoding="utf-8")
+        os.replace(written, path)
+
+
+def _matrix(name, matrix):
+    rows, cols = matrix.shape
+    # repr is the shortest text that reads as the same float64; OpenCV takes each of its spellings.
+    numbers = [", ".join(map(repr, map(float, row))) for row in np.asarray(matrix, dtype=np.float64)]
+    data = (",\n" + 10 * " ").join(numbers)
+    return [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {cols}", "   dt: d", f"   data: [ {data} ]"]

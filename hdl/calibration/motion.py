@@ -1,0 +1,50 @@
+"""Rigid motions as pairs (R, T): x_to = R x_from + T."""
+
+import numpy as np
+
+from hdl.calibration import checks
+from hdl.errors import InputError
+
+Motion = tuple[np.ndarray, np.ndarray]
+
+
+def inverse(motion: Motion) -> Motion:
+    R, T = motion
+    return R.T, -R.T @ T
+
+
+def then(first: Motion, second: Motion) -> Motion:
+    """``first``, followed by ``second``."""
+    (R, T), (R_second, T_second) = first, second
+    return R_second @ R, R_second @ T + T_second
+
+
+def between(left: Motion, right: Motion) -> Motion:
+    """From the left camera to the right one, each given by its motion from a common frame to the camera."""
+    return then(inverse(left), right)
+
+
+def of_rectification(R1, P1, R2, P2) -> Motion:
+    """R and T of the cameras that a rectification is of, for files that hold nothing else.
+
+    Rectified axes are parallel, so R = R2^-1 R1; the fourth column of P is the focal length times the place of the
+    camera. The inverse, not the transpose: with the R1 and R2 of the file, rounded as they are, rows then agree.
+
+    Parameters
+    ----------
+    R1, R2 : (3, 3) float64
+        Rotations to the digits of the file.
+    P1, P2 : (3, 4) float64
+        P2[0, 0] and P2[1, 1] not zero.
+    """
+    back = np.linalg.inv(R2)
+    offset = P2[:2, 3] - P1[:2, 3]
+    return back @ R1, back @ [offset[0] / P2[0, 0], offset[1] / P2[1, 1], 0]
+
+
+def projection(where: str, field: str, P: np.ndarray) -> np.ndarray:
+    """``P``, (3, 4). Raises InputError unless a place can be recovered from it."""
+    if not (P[0, 0] > 0 and P[1, 1] > 0):
+        raise InputError(where, field, P.tolist(), "a focal length must be positive")
+    checks.position(where, field, P[:, 3] / [P[0, 0], P[1, 1], 1])
+    return P

@@ -1,0 +1,58 @@
+"""ORB-SLAM2's settings of a stereo camera: cv::FileStorage YAML with LEFT.K, LEFT.D, LEFT.R, LEFT.P and RIGHT.*.
+
+R and T follow from both R and P, as nothing else is in the file. It does not say in which unit: that of Camera.bf.
+Source: ORB_SLAM2, Examples/Stereo/EuRoC.yaml.
+"""
+
+import re
+
+from hdl.calibration import checks, motion
+from hdl.calibration.documents import Document
+from hdl.calibration.fields import Fields
+from hdl.calibration.rig import Camera, Rig, polynomial_model
+
+NAME = "orbslam"
+TITLE = "ORB-SLAM settings (YAML)"
+SEVERAL_FILES = False
+SELECT = None
+
+_TRAIT = re.compile(r"^LEFT\.K[ \t]*:", re.MULTILINE)
+
+
+def recognises(document: Document) -> bool:
+    return bool(_TRAIT.search(document.text))
+
+
+def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
+    """The rig in one document. Raises InputError for a missing field and a wrong shape."""
+    (document,) = documents
+    fields = Fields(document.name, document.yaml)
+    if "Camera.type" in fields and fields.get("Camera.type") != "PinHole":
+        raise fields.fault("Camera.type", fields.get("Camera.type"), "LEFT and RIGHT are understood for PinHole only")
+    size, other = (_size(fields, side) for side in ("LEFT", "RIGHT"))
+    if size != other:
+        raise fields.fault("RIGHT.width, RIGHT.height", list(other), f"not that of LEFT, {list(size)}")
+    rectification = {}
+    for side in ("LEFT", "RIGHT"):
+        R = checks.rotation(document.name, f"{side}.R", fields.matrix(f"{side}.R", 3, 3))
+        P = motion.projection(document.name, f"{side}.P", fields.matrix(f"{side}.P", 3, 4))
+        rectification[side.lower()] = R, P
+    R, T = motion.of_rectification(*rectification["left"], *rectification["right"])
+    roles = {"size": (document.name, "LEFT.width, LEFT.height")}
+    for number, side in (("1", "LEFT"), ("2", "RIGHT")):
+        roles |= {role + number: (document.name, f"{side}.{role}") for role in "KDRP"}
+    roles |= {"R": (document.name, "RIGHT.R"), "T": (document.name, "RIGHT.P")}
+    return Rig(
+        document.name, *size, _camera(fields, "LEFT"), _camera(fields, "RIGHT"), R, T,
+        rectification=rectification, fields=roles,
+    )  # fmt: skip
+
+
+def _size(fields, side):
+    names = f"{side}.width", f"{side}.height"
+    return tuple(checks.whole(fields.where, name, fields.get(name)) for name in names)
+
+
+def _camera(fields, side):
+    D = fields.vector(f"{side}.D", checks.POLYNOMIAL_COUNTS)
+    return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D)
