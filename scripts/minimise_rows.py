@@ -1,0 +1,89 @@
+"""``python -m scripts.minimise_rows``: what ``--minimise rows`` saves of the line buffers of real rigs."""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import rich_click as click
+from rich.console import Console
+from rich.table import Table
+
+from hdl.calibration import SIDES, Rig
+from hdl.cli import run, steps
+from hdl.rectification import RectificationOptions, rectify
+from hdl.rectification_notes import row_disagreement
+from hdl.row_minimisation import loss
+from scripts import reference_rigs
+
+HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost", "filled after", "rows agree", "s")
+
+
+@click.command()
+@click.argument("names", nargs=-1, metavar="[RIG]...")
+@click.option("--max-fov-loss", type=float, default=RectificationOptions.max_fov_loss, show_default=True,
+              metavar="SHARE", help="What of the view may be given up.")
+@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+              help="Write the rows of the table to FILE.")
+def minimise_rows(names, max_fov_loss, data, json_file):
+    """Rows of line buffer of every reference rig, or of the named ones, before and after --minimise rows."""
+    reference_rigs.check(data)
+    options = RectificationOptions(minimise="rows", max_fov_loss=max_fov_loss)
+    rows = []
+    with steps() as progress:
+        for name in names or reference_rigs.CALIBRATIONS:
+            if name not in reference_rigs.CALIBRATIONS:
+                raise click.UsageError(f"{name}: the rigs are {', '.join(reference_rigs.CALIBRATIONS)}")
+            progress(name)
+            rig = reference_rigs.load(name, data)
+            rows += [{"rig": name, **measure(rig, options, lens)} for lens in (True, False)]
+    if json_file:
+        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    table = Table(title=f"Rows of line buffer, left and right, with at most {max_fov_loss:.0%} of the view lost",
+                  title_justify="left")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="left" if heading == "rig" else "right")
+    for row in rows:
+        table.add_row(*as_text(row))
+    Console().print(table)
+
+
+def measure(rig: Rig, options: RectificationOptions, lens: bool) -> dict:
+    """What ``options``, with ``minimise``, make of ``rig``: rows, exhaustively counted, and the price of it."""
+    before = rectify(rig, replace(options, minimise=None), lens=lens)
+    start = time.perf_counter()
+    after = rectify(rig, options, lens=lens)
+    seconds = time.perf_counter() - start
+    return {
+        "width": rig.width,
+        "height": rig.height,
+        "lens": lens,
+        "before": {side: before[side].window.rows for side in SIDES},
+        "after": {side: after[side].window.rows for side in SIDES},
+        "lost": loss(before, after),
+        "filled": {side: float(after[side].inside.mean()) for side in SIDES},
+        "row_disagreement": row_disagreement(rig, after),
+        "seconds": seconds,
+    }
+
+
+def as_text(row):
+    """The cells of one row of the table."""
+    before, after = (sum(row[when].values()) for when in ("before", "after"))
+    return (
+        row["rig"],
+        f"{row['width']}x{row['height']}",
+        "yes" if row["lens"] else "no",
+        "{left}, {right}".format(**row["before"]),
+        "{left}, {right}".format(**row["after"]),
+        f"{1 - after / before:.0%}",
+        f"{row['lost']:.1%}",
+        "{left:.1%}, {right:.1%}".format(**row["filled"]),
+        f"{row['row_disagreement']:.0e} px",
+        f"{row['seconds']:.1f}",
+    )
+
+
+if __name__ == "__main__":
+    run(minimise_rows)
