@@ -9,13 +9,16 @@ from pathlib import Path
 
 import rich_click as click
 from rich.console import Console
+from rich.table import Table
 
 from hdl import calibration
-from hdl.cli import BorderType, SizeType, camera_table, run, steps
-from hdl.core import Options, build
+from hdl.cli import BorderType, SizeType, camera_table, note, rectification_options, run, steps
+from hdl.core import AUTO, Options, build
+from hdl.cost import GOALS
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
-from hdl.rectification import rectify
+from hdl.rectification import RectificationOptions, rectify
+from hdl.rectification_notes import notes
 
 SIDES = ("left", "right")
 # Words that are identifiers to a regular expression but not to a Verilog tool.
@@ -29,19 +32,24 @@ VERILOG_KEYWORDS = frozenset(
 def core_options(command):
     """The options of a command that builds cores, as DESIGN section 7 names them."""
     for option in reversed((
-        click.argument("calibration", nargs=-1, type=click.Path(path_type=Path)),
-        click.option("--datapath", type=click.Choice(list(DATAPATHS)), default=Options.datapath, show_default=True,
-                     help="How coordinates are computed. " + " ".join(
-                         f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items())),
+        click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
+        click.option("--format", "file_format", type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
+                     metavar="NAME", help="Take the calibration to be of this format, instead of looking into it: "
+                     + ", ".join(reader.NAME for reader in calibration.FORMATS) + "."),
+        click.option("--select", metavar="WHICH",
+                     help="The cameras or the resolution to take, where a calibration holds several."),
+        click.option("--datapath", type=click.Choice([AUTO, *DATAPATHS]), default=Options.datapath, show_default=True,
+                     metavar="NAME", help=f"How coordinates are computed. {AUTO}: the cheapest that meets the budget. "
+                     + " ".join(f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items())),
+        click.option("--optimise", type=click.Choice(list(GOALS)), default=Options.optimise, show_default=True,
+                     help=f"What {AUTO} saves."),
         click.option("--max-error", type=float, metavar="PX",
                      help="Largest coordinate error allowed, px per axis, rounding included."),
         click.option("--lens/--no-lens", default=None,
                      help="Correct the lens distortion too, or leave it out as the paper does. Default: with the lens "
                           "where the datapath can."),
         click.option("--size", type=SizeType(), help="Frame size, px; scales the calibration. Default: the calibration's."),
-        click.option("--alpha", type=click.FloatRange(0, 1), default=0.0, show_default=True,
-                     help="cv2.stereoRectify's alpha: 0 shows valid pixels only, 1 all source pixels. Not used where "
-                          "the calibration carries its rectification."),
+        rectification_options,
         click.option("--pixel-bits", type=click.Choice(["8", "10", "12", "16"]), default="8", show_default=True,
                      help="Bits of a channel."),
         click.option("--channels", type=click.Choice(["1", "3"]), default="1", show_default=True,
@@ -65,7 +73,7 @@ def core_options(command):
 @core_options
 @click.option("--camera", type=click.Choice(SIDES), help="Build this camera only. Default: both.")
 @click.option("--json", "as_json", is_flag=True, help="Print the plans as JSON instead of a table.")
-def generate(camera, as_json, output, **choices):
+def generate(files, size, file_format, select, camera, as_json, output, **choices):
     """Write the Verilog of streaming rectification cores, and a plan that says how exact each one is.
 
     CALIBRATION is the stereo calibration that your tool wrote: one file, or OpenCV's intrinsics and extrinsics pair.
@@ -77,32 +85,44 @@ def generate(camera, as_json, output, **choices):
     python -m hdl.generate rig.yml --datapath accumulate --max-error 0.05
     """
     with steps() as progress:
-        cores = build_cores(camera, progress, **choices)
+        progress("calibration")
+        cores = build_cores(camera, progress, load_rig(files, size, file_format, select), **choices)
     write(cores, output)
     if as_json:
         click.echo(json.dumps([core.plan.model_dump() for core in cores], indent=2))
         return
-    Console().print(summary(cores, output))
+    console = Console()
+    for core in cores:
+        if core.plan.considered:
+            console.print(considered(core.plan))
+    console.print(summary(cores, output))
 
 
-def build_cores(camera, progress, *, calibration: tuple, datapath, max_error, lens, size, alpha, pixel_bits, channels,
-                fraction_bits, border, max_line_buffer_kib, top):
-    """The cores that the command line asks for; ``camera`` None for both. Raises InputError."""
+def build_cores(camera, progress, rig, *, datapath, optimise, max_error, lens, pixel_bits, channels, fraction_bits,
+                border, max_line_buffer_kib, top, **rectification):
+    """The cores that the command line asks for; ``camera`` None for both. Raises InputError.
+
+    ``rectification``: the arguments of `RectificationOptions`.
+    """
     check_top(top)
     if max_error is not None and not (math.isfinite(max_error) and max_error > 0):
         raise InputError("--max-error", None, max_error, "must be a positive number of pixels")
-    if lens and not DATAPATHS[datapath].supports_lens:
-        able = ", ".join(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)
-        raise InputError("--lens", None, None,
-                         f"{datapath} computes no lens; " + (f"these do: {able}" if able else "no datapath does yet"))
+    able = [AUTO, *(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)]
+    if lens and datapath not in able:
+        raise InputError("--lens", None, None, f"{datapath} computes no lens; these do: {', '.join(able)}")
     if int(channels) == 3 and int(pixel_bits) != 8:
         raise InputError("--pixel-bits", None, pixel_bits, "3 channels have 8 bits each")
     if border.value >= 2 ** int(pixel_bits):
         raise InputError("--border", None, f"constant:{border.value}", f"does not fit into {pixel_bits} bits")
-    options = Options(datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib)
-    progress("calibration")
-    rig = load_rig(calibration, size)
-    views = rectify(rig, alpha=alpha, lens=DATAPATHS[datapath].supports_lens if lens is None else lens)
+    options = Options(
+        datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib, optimise
+    )
+    choices = RectificationOptions(**rectification)
+    if choices.minimise:
+        progress("rectification with the fewest rows")
+    views = rectify(rig, choices, lens=datapath in able if lens is None else lens)
+    for text in (*rig.warnings, *notes(rig, choices, views)):
+        note(text)
     return [
         build(views[side], options, top if camera else f"{top}_{side}",
               lambda step, side=side: progress(f"{side} camera: {step}"))
@@ -110,9 +130,11 @@ def build_cores(camera, progress, *, calibration: tuple, datapath, max_error, le
     ]
 
 
-def load_rig(files, size):
+def load_rig(files, size, file_format, select):
     """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
-    return calibration.load(*files, size=size) if files else calibration.embedded(size)
+    if files:
+        return calibration.load(*files, size=size, format=file_format, select=select)
+    return calibration.embedded(size)
 
 
 def check_top(top):
@@ -130,6 +152,20 @@ def write(cores, directory):
                 (Path(scratch) / (core.plan.top + suffix)).write_text(text, encoding="utf-8")
         for file in sorted(Path(scratch).iterdir()):
             os.replace(file, directory / file.name)
+
+
+def considered(plan):
+    """A table of the datapaths that were considered for a core, the chosen one first."""
+    table = Table(title=f"Datapaths for the {plan.camera.side} camera", title_justify="left", title_style="bold")
+    table.add_column("datapath")
+    for heading in ("error px", "LUT", "FF", "RAMB18"):
+        table.add_column(heading, justify="right")
+    table.add_column("")
+    for entry in plan.considered:
+        cost = [str(getattr(entry.cost, name)) if entry.cost else "" for name in ("lut", "ff", "ramb18")]
+        error = "" if entry.error is None else f"{entry.error:.4f}"
+        table.add_row(entry.datapath, error, *cost, entry.verdict)
+    return table
 
 
 def summary(cores, directory):

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 from hdl.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
+from hdl.datapaths.base import fitted_budget
 from hdl.errors import InputError
-
-# Largest error, px, where the user gives no budget.
-DEFAULT_BUDGET = 0.05
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,7 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
     view : hdl.rectification.View
     fraction_bits : int
     max_error : float or None
-        Budget, px per axis; None: `DEFAULT_BUDGET`.
+        Budget, px per axis; None: `fitted_budget`.
     goal : str
         What to save; a key of `hdl.cost.GOALS`.
     progress : callable
@@ -55,7 +53,7 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
     InputError
         If no datapath meets the budget: the message has the least error reached, and by which.
     """
-    budget = DEFAULT_BUDGET if max_error is None else max_error
+    budget = fitted_budget(fraction_bits) if max_error is None else max_error
     fitting, others = [], []
     for name, kind in DATAPATHS.items():
         if view.lens and not kind.supports_lens:

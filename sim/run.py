@@ -60,7 +60,7 @@ class Result:
 @click.option("--left", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the left camera.")
 @click.option("--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera.")
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
-def simulate(left, right, as_json, output, calibration, size, **choices):
+def simulate(files, size, file_format, select, left, right, as_json, output, **choices):
     """Build the cores of both cameras and run a frame of each through the generated Verilog.
 
     Give your own pair with --left and --right, as large as the calibration's images (or as --size). Without them, a
@@ -74,8 +74,8 @@ def simulate(left, right, as_json, output, calibration, size, **choices):
         raise InputError("--right" if left else "--left", None, None, "give both images or neither")
     with steps() as progress:
         progress("calibration")
-        rig = load_rig(calibration, size)
-        cores = dict(zip(SIDES, build_cores(None, progress, calibration=calibration, size=size, **choices)))
+        rig = load_rig(files, size, file_format, select)
+        cores = dict(zip(SIDES, build_cores(None, progress, rig, **choices)))
         plan = cores["left"].plan
         if left:
             sources = {side: read_image(file, plan) for side, file in (("left", left), ("right", right))}

@@ -9,7 +9,7 @@ from hdl import calibration
 from hdl.coordinates import Border
 from hdl.core import Options, build
 from hdl.datapaths import DATAPATHS
-from hdl.rectification import rectify
+from hdl.rectification import RectificationOptions, rectify
 from sim.beats import to_beats, to_frames
 from sim.engine import compile_core
 from sim.remap import cv2_remap, remap
@@ -18,13 +18,13 @@ VGA = (640, 480)
 
 
 @cache
-def view(side="left", size=VGA, alpha=0.0):
-    return rectify(calibration.embedded().scaled(*size), alpha=alpha, lens=False)[side]
+def view(side="left", size=VGA, alpha=0.0, lens=False):
+    return rectify(calibration.embedded(size), RectificationOptions(alpha=alpha), lens=lens)[side]
 
 
 @cache
-def core(options=Options(), side="left", size=VGA, alpha=0.0):
-    return build(view(side, size, alpha), options, "rectify")
+def core(options=Options("proposed"), side="left", size=VGA, alpha=0.0, lens=False):
+    return build(view(side, size, alpha, lens), options, "rectify")
 
 
 def frames_for(core, count, seed=0):
@@ -48,11 +48,18 @@ def opencv(core, frame):
     return cv2_remap(frame, coordinates.u, coordinates.v, border.mode, border.value)
 
 
-def run(core, frames, expected, **pauses):
-    """The stream of ``frames`` through the core, which must give out ``expected`` of each."""
+def output(core, frames, **pauses):
+    """The stream of ``frames`` through the core, and the frames that it gave out."""
     plan = core.plan
     stream = compile_core(core.verilog, plan.top).run(stream_of(frames, plan), **pauses)
-    out = to_frames(stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits)
+    return stream, to_frames(
+        stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits
+    )
+
+
+def run(core, frames, expected, **pauses):
+    """The stream of ``frames`` through the core, which must give out ``expected`` of each."""
+    stream, out = output(core, frames, **pauses)
     for frame, rectified in zip(frames, out, strict=True):
         np.testing.assert_array_equal(rectified, expected(core, frame))
     return stream
@@ -63,6 +70,30 @@ def run(core, frames, expected, **pauses):
 def test_every_pixel_is_that_of_cv2_remap(datapath, side):
     built = core(Options(datapath=datapath), side)
     run(built, frames_for(built, 2), opencv)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("size", [VGA, (643, 481)])
+def test_every_pixel_with_the_lens_is_that_of_cv2_remap(side, size):
+    built = core(Options("spline"), side, size, lens=True)
+    stream = run(built, frames_for(built, 2), opencv)
+    assert stream.not_ready_cycles == 0
+
+
+@pytest.mark.parametrize("lens", [False, True])
+@pytest.mark.parametrize("axis", ["u", "v"])
+def test_ramps_show_the_models_coordinates_at_every_pixel(axis, lens):
+    # With 16-bit pixels that rise by 64 a column (or a row), a bilinear core gives out its own coordinates.
+    built = core(Options("spline", pixel_bits=16), lens=lens)
+    plan, coordinates = built.plan, built.parameters.datapath.coordinates
+    x, y = np.meshgrid(np.arange(plan.width), np.arange(plan.height))
+    slope = 64
+    frame = ((x if axis == "u" else y) * slope).astype(np.uint16)
+    (rectified,) = output(built, [frame])[1]
+    u, v = coordinates.u / 32, coordinates.v / 32
+    inside = (u >= 0) & (u <= plan.width - 1) & (v >= 0) & (v <= plan.height - 1)
+    assert inside.mean() > 0.8
+    np.testing.assert_array_equal((rectified / slope)[inside], (u if axis == "u" else v)[inside])
 
 
 @pytest.mark.parametrize("border", [Border("constant", 201), Border("replicate")], ids=str)
@@ -77,7 +108,7 @@ def test_borders_and_colour_are_those_of_cv2_remap(border, channels):
 
 @pytest.mark.parametrize("pixel_bits, fraction_bits", [(10, 5), (12, 3), (16, 8), (8, 6)])
 def test_other_widths_are_those_of_the_integer_formula(pixel_bits, fraction_bits):
-    built = core(Options(pixel_bits=pixel_bits, fraction_bits=fraction_bits))
+    built = core(Options("proposed", pixel_bits=pixel_bits, fraction_bits=fraction_bits))
     run(built, frames_for(built, 2), model)
 
 

@@ -4,7 +4,8 @@ from hdl.datapaths.accumulate import Accumulate
 from hdl.datapaths.base import Datapath
 from hdl.datapaths.conventional import Conventional
 from hdl.datapaths.proposed import Proposed
+from hdl.datapaths.spline import Spline
 
 DATAPATHS: dict[str, type[Datapath]] = {
-    datapath.name: datapath for datapath in (Conventional, Accumulate, Proposed)
+    datapath.name: datapath for datapath in (Conventional, Accumulate, Proposed, Spline)
 }

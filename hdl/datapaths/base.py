@@ -20,6 +20,12 @@ def default_budget(fraction_bits):
     return 2.0 ** -(fraction_bits + 1) + ARITHMETIC_ERROR
 
 
+def fitted_budget(fraction_bits):
+    """Largest coordinate error, px, of a datapath that is fitted to the map, where no budget is given: 0.05 px, or
+    three halves of what rounding alone may cost if that is more."""
+    return max(0.05, 1.5 * 2.0 ** -(fraction_bits + 1))
+
+
 class DatapathSignature(wiring.Signature):
     """The one interface between the rectifier and a datapath, seen from the datapath.
 

@@ -11,15 +11,13 @@ from amaranth.utils import ceil_log2, exact_log2
 
 from hdl.coordinates import Coordinates
 from hdl.cost import Cost, block_rams
-from hdl.datapaths.base import Datapath
+from hdl.datapaths.base import Datapath, fitted_budget
 from hdl.datapaths.spline_fit import LEAST_CELL, Cells, Fit
 from hdl.errors import BudgetError, InputError
 from hdl.fixedpoint import Q
 
 # Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
 DISTRIBUTED_BITS = 2048
-# Largest error, px, where no budget is given.
-DEFAULT_BUDGET = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +155,7 @@ class Spline(Datapath):
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        budget = DEFAULT_BUDGET if max_error is None else max_error
+        budget = fitted_budget(fraction_bits) if max_error is None else max_error
         return _Search(view, fraction_bits, budget).best()
 
     @cached_property
