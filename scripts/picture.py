@@ -23,12 +23,12 @@ QUALITY = 88  # of the JPEG
 @click.command()
 @click.option("--output", type=click.Path(path_type=Path, dir_okay=False), default=PICTURE, help="Where it goes.")
 def picture(output):
-    """Draw the example rig's frames before and after the `proposed` cores, with epipolar lines."""
+    """Draw the example rig's frames before and after the cores, the lens included, with epipolar lines."""
     with steps() as progress:
         rig = calibration.embedded()
-        sources = render(rig, lens=False)
+        sources = render(rig, lens=True)
         rectified = {}
-        for side, view in rectify(rig, lens=False).items():
+        for side, view in rectify(rig, lens=True).items():
             core = build(view, Options(), f"rectify_{side}", progress)
             compiled = compile_core(core.verilog, core.plan.top)
             rectified[side] = frame_through(core, compiled, 0.0, sources[side]).rectified

@@ -14,13 +14,14 @@ from hdl import calibration
 from hdl.cli import SizeType, run, steps
 from hdl.core import Options, build
 from hdl.datapaths import DATAPATHS
+from hdl.errors import InputError
 from hdl.rectification import rectify
 from scripts import readme
 from scripts.synthesis import conditions, synthesise
 
 # Hyun and Moon 2015, Table 2 (Virtex-7); it does not tell DSP and block RAM.
 PAPER = {"conventional": (12837, 9508), "proposed": (593, 3718)}
-HEADINGS = ("core", "FF", "LUT", "SRL", "CARRY4", "DSP", "RAMB18", "RAMB36", "error u, v")
+HEADINGS = ("core", "FF", "LUT", "DSP", "RAMB18", "RAMB36", "rows", "error u, v")
 
 
 @click.command()
@@ -52,38 +53,46 @@ def resources(size, json_file, update, check, cache):
 
 
 def measure(size, cache, progress):
-    """One dict a run: datapath, scope, frame, whether DSP blocks were allowed, the cells, and the core's error."""
-    rig = calibration.embedded()
-    view = rectify(rig.scaled(*size), lens=False)["left"]
-    cores = {
-        name: build(view, Options(datapath=name), f"rectify_{name}", lambda step, name=name: progress(f"{name}: {step}"))
-        for name in DATAPATHS
-    }
+    """One dict a run: datapath, lens, scope, frame, whether DSP blocks were allowed, the cells, and the core's error."""
+    rig = calibration.embedded(size)
+    cores = {}
+    for lens in (False, True):
+        view = rectify(rig, lens=lens)["left"]
+        for name, kind in DATAPATHS.items():
+            if lens and not kind.supports_lens:
+                continue
+            try:
+                cores[name, lens] = build(
+                    view, Options(name), f"rectify_{name}", lambda step, name=name: progress(f"{name}: {step}")
+                )
+            except InputError as refusal:
+                print(f"{name} {'with' if lens else 'without'} the lens is left out: {refusal}", file=sys.stderr)
     progress(f"synthesis of {2 * len(cores)} cores")
-    runs = [(name, core, dsp) for name, core in cores.items() for dsp in (False, True)]
+    runs = [(name, lens, core, dsp) for (name, lens), core in cores.items() for dsp in (False, True)]
     with ThreadPoolExecutor(2) as pool:
-        cells = pool.map(lambda job: synthesise(job[1].verilog, job[1].plan.top, dsp=job[2], cache=cache), runs)
+        cells = pool.map(lambda job: synthesise(job[2].verilog, job[2].plan.top, dsp=job[3], cache=cache), runs)
         return [
             {
-                "datapath": name, "scope": "core", "width": size[0], "height": size[1], "dsp_allowed": dsp,
-                **dataclasses.asdict(found),
+                "datapath": name, "lens": lens, "scope": "core", "width": size[0], "height": size[1],
+                "dsp_allowed": dsp, **dataclasses.asdict(found),
                 "error": {axis: getattr(core.plan.error, axis).max for axis in "uv"},
+                "rows": core.plan.line_buffer.rows,
             }
-            for (name, core, dsp), found in zip(runs, cells)
+            for (name, lens, core, dsp), found in zip(runs, cells)
         ]
 
 
 def table_rows(rows):
     """The rows of the table, as text, the paper's first."""
     for name, (ff, lut) in PAPER.items():
-        yield f"{name}, the paper's", str(ff), str(lut), *["?"] * 5, "-" if name == "conventional" else "3, 2"
+        yield f"{name}, the paper's", str(ff), str(lut), *["?"] * 4, "-" if name == "conventional" else "3, 2"
     for row in rows:
         # Where nothing can be put into DSP blocks the second run would be the first again.
         if row["dsp_allowed"] and not row["dsp"]:
             continue
         yield (
-            row["datapath"] + (", with DSP" if row["dsp"] else ""),
-            *(str(row[cell]) for cell in ("ff", "lut", "srl", "carry4", "dsp", "ramb18", "ramb36")),
+            row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp"] else ""),
+            *(str(row[cell]) for cell in ("ff", "lut", "dsp", "ramb18", "ramb36", "rows")),
             "{u:.3f}, {v:.3f}".format(**row["error"]),
         )
 
@@ -91,8 +100,8 @@ def table_rows(rows):
 def caption(size):
     """The conditions of the figures."""
     return (
-        f"Whole cores with AXI4-Stream, line buffer and borders, {size[0]}x{size[1]}, 8 bit, embedded rig, left camera, "
-        f"no lens. {conditions(dsp=False)} (without -nodsp where DSP blocks are allowed); LUT: inverters and the "
+        f"Whole cores with AXI4-Stream, line buffer and borders, {size[0]}x{size[1]}, 8 bit, embedded rig, left camera. "
+        f"{conditions(dsp=False)} (without -nodsp where DSP blocks are allowed); LUT: inverters and the "
         "SRL included. Error: largest, px."
     )
 
