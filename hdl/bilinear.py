@@ -64,15 +64,17 @@ class Bilinear(wiring.Component):
         self._pixel_bits = pixel_bits
         self._channels = channels
         pixel = pixel_bits * channels
-        super().__init__({
-            "enable": In(1),
-            "taps": In(data.ArrayLayout(data.ArrayLayout(pixel, 2), 2)),
-            "fx": In(fraction_bits),
-            "fy": In(fraction_bits),
-            "odd_column": In(1),
-            "odd_row": In(1),
-            "pixel": Out(pixel),
-        })
+        super().__init__(
+            {
+                "enable": In(1),
+                "taps": In(data.ArrayLayout(data.ArrayLayout(pixel, 2), 2)),
+                "fx": In(fraction_bits),
+                "fy": In(fraction_bits),
+                "odd_column": In(1),
+                "odd_row": In(1),
+                "pixel": Out(pixel),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()
@@ -95,4 +97,3 @@ class Bilinear(wiring.Component):
             with m.If(self.enable):
                 m.d.sync += self.pixel.word_select(channel, bits).eq(blended[2 * f :])
         return m
-

@@ -40,17 +40,19 @@ class Capture(wiring.Component):
     def __init__(self, width, height):
         self._width = width
         self._height = height
-        super().__init__({
-            "valid": In(1),
-            "ready": Out(1),
-            "sof": In(1),
-            "eol": In(1),
-            "may_write": In(1),
-            "write": Out(1),
-            "x": Out(ceil_log2(width + 1)),
-            "row_written": Out(1),
-            "frame_written": Out(1),
-        })
+        super().__init__(
+            {
+                "valid": In(1),
+                "ready": Out(1),
+                "sof": In(1),
+                "eol": In(1),
+                "may_write": In(1),
+                "write": Out(1),
+                "x": Out(ceil_log2(width + 1)),
+                "row_written": Out(1),
+                "frame_written": Out(1),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

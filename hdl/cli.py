@@ -58,19 +58,34 @@ class BorderType(click.ParamType):
 
 def rectification_options(command):
     """The options of a command that rectifies; together they are the arguments of `RectificationOptions`."""
-    for option in reversed((
-        click.option("--alpha", type=float, metavar="A",
-                     help="cv2.stereoRectify's alpha: 0 shows valid pixels only, 1 all source pixels. Default: 0. With "
-                          "any of --alpha, --focal, --fov, --center a rectification in the file is not used."),
-        click.option("--focal", type=float, metavar="PX", help="Focal length of the rectified views."),
-        click.option("--fov", type=float, metavar="DEG", help="Horizontal field of view, in place of --focal."),
-        click.option("--center", type=CenterType(), help="Principal point of both rectified views, px."),
-        click.option("--minimise", type=click.Choice(["rows"]),
-                     help="Choose what is left free (rotation about the baseline, row of the principal point, focal "
-                          "length) so that the line buffers have the fewest rows."),
-        click.option("--max-fov-loss", type=float, default=RectificationOptions.max_fov_loss, show_default=True,
-                     metavar="SHARE", help="Field of view, filled frame or focal length that --minimise may give up."),
-    )):
+    for option in reversed(
+        (
+            click.option(
+                "--alpha",
+                type=float,
+                metavar="A",
+                help="cv2.stereoRectify's alpha: 0 shows valid pixels only, 1 all source pixels. Default: 0. With "
+                "any of --alpha, --focal, --fov, --center a rectification in the file is not used.",
+            ),
+            click.option("--focal", type=float, metavar="PX", help="Focal length of the rectified views."),
+            click.option("--fov", type=float, metavar="DEG", help="Horizontal field of view, in place of --focal."),
+            click.option("--center", type=CenterType(), help="Principal point of both rectified views, px."),
+            click.option(
+                "--minimise",
+                type=click.Choice(["rows"]),
+                help="Choose what is left free (rotation about the baseline, row of the principal point, focal "
+                "length) so that the line buffers have the fewest rows.",
+            ),
+            click.option(
+                "--max-fov-loss",
+                type=float,
+                default=RectificationOptions.max_fov_loss,
+                show_default=True,
+                metavar="SHARE",
+                help="Field of view, filled frame or focal length that --minimise may give up.",
+            ),
+        )
+    ):
         command = option(command)
     return command
 
@@ -116,7 +131,11 @@ def steps():
     """A callable that names the step in progress on a terminal, with the time it takes; silent elsewhere."""
     console = Console(stderr=True)
     with Progress(
-        SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console, transient=True,
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
         disable=not console.is_terminal,
     ) as progress:
         task = progress.add_task("", total=None)

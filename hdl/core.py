@@ -106,7 +106,9 @@ def build(view, options, top, progress=lambda step: None):
     kib = line_buffer.bits / 8 / 1024
     if kib > options.max_line_buffer_kib:
         raise InputError(
-            "--max-line-buffer-kib", None, options.max_line_buffer_kib,
+            "--max-line-buffer-kib",
+            None,
+            options.max_line_buffer_kib,
             f"the {view.side} camera's map bends rows so far that {line_buffer.rows} rows are needed, {kib:.0f} KiB",
         )
     progress("Verilog")
@@ -115,7 +117,10 @@ def build(view, options, top, progress=lambda step: None):
         plan_version=PLAN_VERSION,
         top=top,
         camera={
-            "side": view.side, "model": view.camera.model, "K": view.camera.K.tolist(), "D": view.camera.D.tolist(),
+            "side": view.side,
+            "model": view.camera.model,
+            "K": view.camera.K.tolist(),
+            "D": view.camera.D.tolist(),
         },
         rectification={"R": view.R.tolist(), "P": view.P.tolist()},
         width=view.width,
@@ -133,7 +138,9 @@ def build(view, options, top, progress=lambda step: None):
         error=error,
         considered=[
             {
-                "datapath": entry.name, "error": entry.error, "verdict": entry.verdict,
+                "datapath": entry.name,
+                "error": entry.error,
+                "verdict": entry.verdict,
                 "cost": entry.cost and dataclasses.asdict(entry.cost),
             }
             for entry in considered

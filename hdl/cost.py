@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-# What each resource is worth in look-up tables: its share of a Virtex-7 485T (the VC707's), which has 303600 LUT, 607200
-# flip-flops, 2060 RAMB18 and 2800 DSP48 (AMD DS180).
+# What each resource is worth in look-up tables: its share of a Virtex-7 485T (the VC707's), which has 303600 LUT,
+# 607200 flip-flops, 2060 RAMB18 and 2800 DSP48 (AMD DS180).
 _WORTH = {"lut": 1.0, "ff": 303600 / 607200, "ramb18": 303600 / 2060, "dsp": 303600 / 2800}
 # The resource that is asked to be saved counts as many times its worth.
 _EMPHASIS = 8

@@ -36,14 +36,16 @@ class RowFlow(wiring.Component):
 
     def __init__(self, lead):
         self._lead = lead
-        super().__init__({
-            "row_written": In(1),
-            "frame_written": In(1),
-            "row_issued": In(1),
-            "frame_issued": In(1),
-            "may_write": Out(1),
-            "may_issue": Out(1),
-        })
+        super().__init__(
+            {
+                "row_written": In(1),
+                "frame_written": In(1),
+                "row_issued": In(1),
+                "frame_issued": In(1),
+                "may_write": Out(1),
+                "may_issue": Out(1),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

@@ -23,48 +23,116 @@ from hdl.rectification_notes import notes
 SIDES = ("left", "right")
 # Words that are identifiers to a regular expression but not to a Verilog tool.
 VERILOG_KEYWORDS = frozenset(
-    "always and assign begin buf case default defparam else end endcase endmodule event for forever function if initial "
-    "inout input integer module nand negedge nor not or output parameter posedge reg repeat signed table task time tri "
-    "wait wand while wire wor xnor xor generate genvar logic bit byte int".split()
+    "always and assign begin buf case default defparam else end endcase endmodule event for forever function if "
+    "initial inout input integer module nand negedge nor not or output parameter posedge reg repeat signed table "
+    "task time tri wait wand while wire wor xnor xor generate genvar logic bit byte int".split()
 )
 
 
 def core_options(command):
     """The options of a command that builds cores, as DESIGN section 7 names them."""
-    for option in reversed((
-        click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
-        click.option("--format", "file_format", type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
-                     metavar="NAME", help="Take the calibration to be of this format, instead of looking into it: "
-                     + ", ".join(reader.NAME for reader in calibration.FORMATS) + "."),
-        click.option("--select", metavar="WHICH",
-                     help="The cameras or the resolution to take, where a calibration holds several."),
-        click.option("--datapath", type=click.Choice([AUTO, *DATAPATHS]), default=Options.datapath, show_default=True,
-                     metavar="NAME", help=f"How coordinates are computed. {AUTO}: the cheapest that meets the budget. "
-                     + " ".join(f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items())),
-        click.option("--optimise", type=click.Choice(list(GOALS)), default=Options.optimise, show_default=True,
-                     help=f"What {AUTO} saves."),
-        click.option("--max-error", type=float, metavar="PX",
-                     help="Largest coordinate error allowed, px per axis, rounding included."),
-        click.option("--lens/--no-lens", default=None,
-                     help="Correct the lens distortion too, or leave it out as the paper does. Default: with the lens "
-                          "where the datapath can."),
-        click.option("--size", type=SizeType(), help="Frame size, px; scales the calibration. Default: the calibration's."),
-        rectification_options,
-        click.option("--pixel-bits", type=click.Choice(["8", "10", "12", "16"]), default="8", show_default=True,
-                     help="Bits of a channel."),
-        click.option("--channels", type=click.Choice(["1", "3"]), default="1", show_default=True,
-                     help="Channels of a pixel; 3 with 8 bits only."),
-        click.option("--fraction-bits", type=click.IntRange(3, 8), default=Options.fraction_bits, show_default=True,
-                     help="Fraction bits of the coordinates that are interpolated at; 5 as cv2.remap."),
-        click.option("--border", type=BorderType(), default="constant", show_default=True,
-                     help="What lies outside the source image: one value, or its nearest pixel."),
-        click.option("--max-line-buffer-kib", type=click.IntRange(1), default=Options.max_line_buffer_kib,
-                     show_default=True, metavar="KIB", help="Refuse cores with more line memory than this."),
-        click.option("--top", default="rectify", show_default=True, metavar="NAME",
-                     help="Name of the top module; without --camera, _left and _right are appended."),
-        click.option("--output", type=click.Path(path_type=Path, file_okay=False), default=Path("build"),
-                     show_default=True, metavar="DIR", help="Where the files go."),
-    )):
+    for option in reversed(
+        (
+            click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
+            click.option(
+                "--format",
+                "file_format",
+                type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
+                metavar="NAME",
+                help="Take the calibration to be of this format, instead of looking into it: "
+                + ", ".join(reader.NAME for reader in calibration.FORMATS)
+                + ".",
+            ),
+            click.option(
+                "--select",
+                metavar="WHICH",
+                help="The cameras or the resolution to take, where a calibration holds several.",
+            ),
+            click.option(
+                "--datapath",
+                type=click.Choice([AUTO, *DATAPATHS]),
+                default=Options.datapath,
+                show_default=True,
+                metavar="NAME",
+                help=f"How coordinates are computed. {AUTO}: the cheapest that meets the budget. "
+                + " ".join(f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items()),
+            ),
+            click.option(
+                "--optimise",
+                type=click.Choice(list(GOALS)),
+                default=Options.optimise,
+                show_default=True,
+                help=f"What {AUTO} saves.",
+            ),
+            click.option(
+                "--max-error",
+                type=float,
+                metavar="PX",
+                help="Largest coordinate error allowed, px per axis, rounding included.",
+            ),
+            click.option(
+                "--lens/--no-lens",
+                default=None,
+                help="Correct the lens distortion too, or leave it out as the paper does. Default: with the lens "
+                "where the datapath can.",
+            ),
+            click.option(
+                "--size", type=SizeType(), help="Frame size, px; scales the calibration. Default: the calibration's."
+            ),
+            rectification_options,
+            click.option(
+                "--pixel-bits",
+                type=click.Choice(["8", "10", "12", "16"]),
+                default="8",
+                show_default=True,
+                help="Bits of a channel.",
+            ),
+            click.option(
+                "--channels",
+                type=click.Choice(["1", "3"]),
+                default="1",
+                show_default=True,
+                help="Channels of a pixel; 3 with 8 bits only.",
+            ),
+            click.option(
+                "--fraction-bits",
+                type=click.IntRange(3, 8),
+                default=Options.fraction_bits,
+                show_default=True,
+                help="Fraction bits of the coordinates that are interpolated at; 5 as cv2.remap.",
+            ),
+            click.option(
+                "--border",
+                type=BorderType(),
+                default="constant",
+                show_default=True,
+                help="What lies outside the source image: one value, or its nearest pixel.",
+            ),
+            click.option(
+                "--max-line-buffer-kib",
+                type=click.IntRange(1),
+                default=Options.max_line_buffer_kib,
+                show_default=True,
+                metavar="KIB",
+                help="Refuse cores with more line memory than this.",
+            ),
+            click.option(
+                "--top",
+                default="rectify",
+                show_default=True,
+                metavar="NAME",
+                help="Name of the top module; without --camera, _left and _right are appended.",
+            ),
+            click.option(
+                "--output",
+                type=click.Path(path_type=Path, file_okay=False),
+                default=Path("build"),
+                show_default=True,
+                metavar="DIR",
+                help="Where the files go.",
+            ),
+        )
+    ):
         command = option(command)
     return command
 
@@ -98,8 +166,23 @@ def generate(files, size, file_format, select, camera, as_json, output, **choice
     console.print(summary(cores, output))
 
 
-def build_cores(camera, progress, rig, *, datapath, optimise, max_error, lens, pixel_bits, channels, fraction_bits,
-                border, max_line_buffer_kib, top, **rectification):
+def build_cores(
+    camera,
+    progress,
+    rig,
+    *,
+    datapath,
+    optimise,
+    max_error,
+    lens,
+    pixel_bits,
+    channels,
+    fraction_bits,
+    border,
+    max_line_buffer_kib,
+    top,
+    **rectification,
+):
     """The cores that the command line asks for; ``camera`` None for both. Raises InputError.
 
     ``rectification``: the arguments of `RectificationOptions`.
@@ -124,8 +207,12 @@ def build_cores(camera, progress, rig, *, datapath, optimise, max_error, lens, p
     for text in (*rig.warnings, *notes(rig, choices, views)):
         note(text)
     return [
-        build(views[side], options, top if camera else f"{top}_{side}",
-              lambda step, side=side: progress(f"{side} camera: {step}"))
+        build(
+            views[side],
+            options,
+            top if camera else f"{top}_{side}",
+            lambda step, side=side: progress(f"{side} camera: {step}"),
+        )
         for side in ([camera] if camera else SIDES)
     ]
 
@@ -171,19 +258,26 @@ def considered(plan):
 def summary(cores, directory):
     """A table of what was built."""
     plans = [core.plan for core in cores]
-    return camera_table(f"Written to {directory}", [plan.camera.side for plan in plans], [
-        ("Verilog", [f"{plan.top}.v" for plan in plans]),
-        ("plan", [f"{plan.top}.json" for plan in plans]),
-        ("frame", [f"{plan.width}x{plan.height}" for plan in plans]),
-        ("datapath", [f"{plan.datapath}, {'with' if plan.lens else 'without'} the lens" for plan in plans]),
-        ("line buffer", [
-            f"{plan.line_buffer.rows} rows, {core.parameters.line_buffer.bits / 8192:.0f} KiB"
-            for core, plan in zip(cores, plans)
-        ]),
-        ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
-        ("coordinate error u, v: mean", [f"{plan.error.u.mean:.4f}, {plan.error.v.mean:.4f} px" for plan in plans]),
-        ("coordinate error u, v: max", [f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px" for plan in plans]),
-    ])
+    return camera_table(
+        f"Written to {directory}",
+        [plan.camera.side for plan in plans],
+        [
+            ("Verilog", [f"{plan.top}.v" for plan in plans]),
+            ("plan", [f"{plan.top}.json" for plan in plans]),
+            ("frame", [f"{plan.width}x{plan.height}" for plan in plans]),
+            ("datapath", [f"{plan.datapath}, {'with' if plan.lens else 'without'} the lens" for plan in plans]),
+            (
+                "line buffer",
+                [
+                    f"{plan.line_buffer.rows} rows, {core.parameters.line_buffer.bits / 8192:.0f} KiB"
+                    for core, plan in zip(cores, plans)
+                ],
+            ),
+            ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
+            ("coordinate error u, v: mean", [f"{plan.error.u.mean:.4f}, {plan.error.v.mean:.4f} px" for plan in plans]),
+            ("coordinate error u, v: max", [f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px" for plan in plans]),
+        ],
+    )
 
 
 if __name__ == "__main__":

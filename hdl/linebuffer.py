@@ -84,8 +84,8 @@ class LineBufferParameters:
     def slice_width(self):
         """Bits of a pixel that are kept in a memory of their own.
 
-        All of them, unless that would stack more than ``STACKED`` block RAMs of a 7-series FPGA (as many words of 9, 4, 2
-        or 1 bits; AMD UG473) on each other, whose outputs take more look-up tables to choose from than narrower ones.
+        All of them, unless that would stack more than ``STACKED`` block RAMs of a 7-series FPGA (as many words of 9, 4,
+        2 or 1 bits; AMD UG473) on each other, whose outputs take more look-up tables to choose from than narrower ones.
         """
         for words, width in ((4096, self.pixel_width), (8192, 4), (16384, 2)):
             if self.depth <= STACKED * words:
@@ -101,14 +101,14 @@ class LineBufferParameters:
 class LineBuffer(wiring.Component):
     """Keeps source rows in a ring and reads the window around a source coordinate.
 
-    Row r of the stream of all source rows, frames counted through, is stored in slot r mod rows; slots alternate between
-    two pairs of banks, columns between the two banks of a pair, so the four taps of a window always come from four
-    banks. Within a bank the address is slot // 2 * pitch + column // 2. The banks are simple dual-port memories with one
-    registered read, never initialised, and never read where the write side may write.
+    Row r of the stream of all source rows, frames counted through, is stored in slot r mod rows; slots alternate
+    between two pairs of banks, columns between the two banks of a pair, so the four taps of a window always come from
+    four banks. Within a bank the address is slot // 2 * pitch + column // 2. The banks are simple dual-port memories
+    with one registered read, never initialised, and never read where the write side may write.
 
-    The slot of source row v is found without a division: ``offset`` is the row number that the ring's slot 0 stands for,
-    and changes only as the window passes slot 0 and when a frame ends; one conditional subtraction brings v - offset
-    into the ring.
+    The slot of source row v is found without a division: ``offset`` is the row number that the ring's slot 0 stands
+    for, and changes only as the window passes slot 0 and when a frame ends; one conditional subtraction brings v -
+    offset into the ring.
 
     Latency: 2 enabled clocks from ``u`` and ``v`` to ``taps``. Throughput: 1 px/clock.
 
@@ -138,22 +138,24 @@ class LineBuffer(wiring.Component):
 
     def __init__(self, parameters):
         self._parameters = p = parameters
-        super().__init__({
-            "write": In(1),
-            "x": In(ceil_log2(p.width + 1)),
-            "pixel": In(p.pixel_width),
-            "row_written": In(1),
-            "enable": In(1),
-            "u": In(p.u.shape),
-            "v": In(p.v.shape),
-            "end_of_line": In(1),
-            "end_of_frame": In(1),
-            "taps": Out(data.ArrayLayout(data.ArrayLayout(p.pixel_width, 2), 2)),
-            "fx": Out(p.u.fraction_bits),
-            "fy": Out(p.v.fraction_bits),
-            "odd_column": Out(1),
-            "odd_row": Out(1),
-        })
+        super().__init__(
+            {
+                "write": In(1),
+                "x": In(ceil_log2(p.width + 1)),
+                "pixel": In(p.pixel_width),
+                "row_written": In(1),
+                "enable": In(1),
+                "u": In(p.u.shape),
+                "v": In(p.v.shape),
+                "end_of_line": In(1),
+                "end_of_frame": In(1),
+                "taps": Out(data.ArrayLayout(data.ArrayLayout(p.pixel_width, 2), 2)),
+                "fx": Out(p.u.fraction_bits),
+                "fy": Out(p.v.fraction_bits),
+                "odd_column": Out(1),
+                "odd_row": Out(1),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()
@@ -194,7 +196,12 @@ class LineBuffer(wiring.Component):
         # Column -1, whose right tap is column 0, is all ones here: the sum must wrap.
         columns = ((column + 1)[: len(column)] >> 1, column >> 1)
         with m.If(self.enable):
-            m.d.sync += [self.fx.eq(fraction_x), self.fy.eq(fraction_y), self.odd_column.eq(column[0]), self.odd_row.eq(slot[0])]
+            m.d.sync += [
+                self.fx.eq(fraction_x),
+                self.fy.eq(fraction_y),
+                self.odd_column.eq(column[0]),
+                self.odd_row.eq(slot[0]),
+            ]
         border = Const(p.border.value, p.channel_bits).replicate(p.channels)
         for row in range(2):
             for col in range(2):
@@ -267,9 +274,7 @@ class LineBuffer(wiring.Component):
         with m.If(self.enable & self.end_of_line):
             passes_end = first == p.rows - 1
             m.d.sync += first.eq(Mux(passes_end, 0, first + 1))
-            m.d.sync += offset.eq(
-                offset + Mux(passes_end, p.rows, 0) - Mux(self.end_of_frame, p.height % 2**bits, 0)
-            )
+            m.d.sync += offset.eq(offset + Mux(passes_end, p.rows, 0) - Mux(self.end_of_frame, p.height % 2**bits, 0))
         unwrapped = Signal(bits)
         m.d.comb += unwrapped.eq(row - offset)
         return Mux(unwrapped >= p.rows, unwrapped - p.rows, unwrapped)

@@ -79,7 +79,8 @@ class CostEntry(_Entry):
 
 
 class ConsideredEntry(_Entry):
-    """A datapath that was a candidate: its largest error (px; null where it could not be built), and what became of it."""
+    """A datapath that was a candidate: its largest error (px; null where it could not be built), and what became
+    of it."""
 
     datapath: str
     error: float | None

@@ -29,14 +29,16 @@ class Raster(wiring.Component):
     def __init__(self, width, height, warm_up=0):
         self._width = width
         self._height = height
-        super().__init__({
-            "step": In(1),
-            "x": Out(ceil_log2(width), init=-warm_up % width),
-            "y": Out(ceil_log2(height), init=height - 1 if warm_up else 0),
-            "start_of_frame": Out(1, init=not warm_up),
-            "end_of_line": Out(1),
-            "end_of_frame": Out(1),
-        })
+        super().__init__(
+            {
+                "step": In(1),
+                "x": Out(ceil_log2(width), init=-warm_up % width),
+                "y": Out(ceil_log2(height), init=height - 1 if warm_up else 0),
+                "start_of_frame": Out(1, init=not warm_up),
+                "end_of_line": Out(1),
+                "end_of_frame": Out(1),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

@@ -45,7 +45,9 @@ class RectifierParameters:
 
     def __post_init__(self):
         if (self.pixel_bits, self.channels) not in [*((bits, 1) for bits in PIXEL_BITS), (8, 3)]:
-            raise ValueError(f"pixels are 1 channel of {PIXEL_BITS} bits or 3 of 8, not {self.channels} of {self.pixel_bits}")
+            raise ValueError(
+                f"pixels are 1 channel of {PIXEL_BITS} bits or 3 of 8, not {self.channels} of {self.pixel_bits}"
+            )
         if not 0 <= self.border.value < 2**self.pixel_bits:
             raise ValueError(f"border value {self.border.value} does not fit into {self.pixel_bits} bits")
         if max(self.datapath.latency + LineBuffer.latency, self.datapath.warm_up) >= self.datapath.width:
@@ -92,10 +94,10 @@ class RectifierParameters:
 class Rectifier(wiring.Component):
     """A streaming rectifier: one pixel per clock, no frame buffer, no external memory.
 
-    Source pixels go to the line buffer; once the rows are there that an output row needs, its positions are issued one a
-    clock, turned into source coordinates by the datapath, into a 2x2 window by the line buffer and into a pixel by the
-    interpolator. The whole read side moves on unless a pixel waits at ``m_axis``; the write side does not wait for it
-    except through `RowFlow`. ``s_axis_tready`` does not depend on ``m_axis_tready`` within a clock.
+    Source pixels go to the line buffer; once the rows are there that an output row needs, its positions are issued one
+    a clock, turned into source coordinates by the datapath, into a 2x2 window by the line buffer and into a pixel by
+    the interpolator. The whole read side moves on unless a pixel waits at ``m_axis``; the write side does not wait for
+    it except through `RowFlow`. ``s_axis_tready`` does not depend on ``m_axis_tready`` within a clock.
 
     Throughput: 1 px/clock; while ``m_axis_tready`` is high, ``s_axis_tready`` is never low, with or without blanking,
     frames back to back. Latency: `RectifierParameters.latency_cycles`. A frame drains without further input.
@@ -119,20 +121,22 @@ class Rectifier(wiring.Component):
 
     def __init__(self, parameters):
         self._parameters = parameters
-        super().__init__({
-            "aclk": In(1),
-            "aresetn": In(1),
-            "s_axis_tdata": In(parameters.tdata_width),
-            "s_axis_tvalid": In(1),
-            "s_axis_tready": Out(1),
-            "s_axis_tuser": In(1),
-            "s_axis_tlast": In(1),
-            "m_axis_tdata": Out(parameters.tdata_width),
-            "m_axis_tvalid": Out(1),
-            "m_axis_tready": In(1),
-            "m_axis_tuser": Out(1),
-            "m_axis_tlast": Out(1),
-        })
+        super().__init__(
+            {
+                "aclk": In(1),
+                "aresetn": In(1),
+                "s_axis_tdata": In(parameters.tdata_width),
+                "s_axis_tvalid": In(1),
+                "s_axis_tready": Out(1),
+                "s_axis_tuser": In(1),
+                "s_axis_tlast": In(1),
+                "m_axis_tdata": Out(parameters.tdata_width),
+                "m_axis_tvalid": Out(1),
+                "m_axis_tready": In(1),
+                "m_axis_tuser": Out(1),
+                "m_axis_tlast": Out(1),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

@@ -72,11 +72,17 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
         else:
             others.append(Considered(name, None, worst, datapath.cost, f"off by {worst:.3g} px"))
     if not fitting:
-        reached = min((entry for entry in others if entry.error is not None), key=lambda entry: entry.error, default=None)
+        reached = min(
+            (entry for entry in others if entry.error is not None), key=lambda entry: entry.error, default=None
+        )
         raise InputError(
-            "--max-error", None, budget,
+            "--max-error",
+            None,
+            budget,
             f"no datapath meets it for the {view.side} camera; "
-            + (f"{reached.name} comes closest with {reached.error:.3g} px" if reached else "none gives an error at all"),
+            + (
+                f"{reached.name} comes closest with {reached.error:.3g} px" if reached else "none gives an error at all"
+            ),
         )
     fitting.sort(key=lambda entry: entry.cost.weight(goal))
     first = fitting[0]

@@ -25,7 +25,14 @@ attrmap -modattr {attributes}
 write_verilog -norename
 """
 _INTERNAL_ATTRIBUTES = (
-    "generator", "top", "src", "hierconn", "init", "unused_bits", "amaranth.hierarchy", "amaranth.decoding",
+    "generator",
+    "top",
+    "src",
+    "hierconn",
+    "init",
+    "unused_bits",
+    "amaranth.hierarchy",
+    "amaranth.decoding",
 )
 
 
@@ -62,8 +69,8 @@ def convert(component, name, header=""):
 def _zero_memories_uninitialised():
     """Within it, Amaranth's exporter leaves out the initial value of memories that are zero throughout.
 
-    Line buffers need no initial value; a megabyte of it would take minutes to write and a line of Verilog for each word.
-    Amaranth 0.5 has no uninitialised memories, hence the hold on its exporter, whose version is pinned.
+    Line buffers need no initial value; a megabyte of it would take minutes to write and a line of Verilog for each
+    word. Amaranth 0.5 has no uninitialised memories, hence the hold on its exporter, whose version is pinned.
     """
     emit_memory = rtlil.ModuleEmitter.emit_memory
     rtlil.ModuleEmitter.emit_memory = lambda emitter, index, cell: any(cell.init) and emit_memory(emitter, index, cell)

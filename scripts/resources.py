@@ -26,12 +26,22 @@ HEADINGS = ("core", "FF", "LUT", "DSP", "RAMB18", "RAMB36", "rows", "error u, v"
 
 @click.command()
 @click.option("--size", type=SizeType(), default="640x480", show_default=True, help="Frame size, px.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-              help="Write the rows to FILE.")
+@click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the rows to FILE.",
+)
 @click.option("--readme", "update", is_flag=True, help="Write the table into the README.")
 @click.option("--check", is_flag=True, help="Fail if the README's table is not this one.")
-@click.option("--cache", type=click.Path(path_type=Path, file_okay=False), default=Path("build/cache"),
-              show_default=True, help="Where results of synthesis are kept.")
+@click.option(
+    "--cache",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("build/cache"),
+    show_default=True,
+    help="Where results of synthesis are kept.",
+)
 def resources(size, json_file, update, check, cache):
     """Synthesise the core of every datapath for the embedded rig's left camera, with and without DSP blocks."""
     with steps() as progress:
@@ -53,7 +63,8 @@ def resources(size, json_file, update, check, cache):
 
 
 def measure(size, cache, progress):
-    """One dict a run: datapath, lens, scope, frame, whether DSP blocks were allowed, the cells, and the core's error."""
+    """One dict a run: datapath, lens, scope, frame, whether DSP blocks were allowed, the cells, and the core's
+    error."""
     rig = calibration.embedded(size)
     cores = {}
     for lens in (False, True):
@@ -73,8 +84,13 @@ def measure(size, cache, progress):
         cells = pool.map(lambda job: synthesise(job[2].verilog, job[2].plan.top, dsp=job[3], cache=cache), runs)
         return [
             {
-                "datapath": name, "lens": lens, "scope": "core", "width": size[0], "height": size[1],
-                "dsp_allowed": dsp, **dataclasses.asdict(found),
+                "datapath": name,
+                "lens": lens,
+                "scope": "core",
+                "width": size[0],
+                "height": size[1],
+                "dsp_allowed": dsp,
+                **dataclasses.asdict(found),
                 "error": {axis: getattr(core.plan.error, axis).max for axis in "uv"},
                 "rows": core.plan.line_buffer.rows,
             }
@@ -100,15 +116,16 @@ def table_rows(rows):
 def caption(size):
     """The conditions of the figures."""
     return (
-        f"Whole cores with AXI4-Stream, line buffer and borders, {size[0]}x{size[1]}, 8 bit, embedded rig, left camera. "
-        f"{conditions(dsp=False)} (without -nodsp where DSP blocks are allowed); LUT: inverters and the "
+        f"Whole cores with AXI4-Stream, line buffer and borders, {size[0]}x{size[1]}, 8 bit, embedded rig, left "
+        f"camera. {conditions(dsp=False)} (without -nodsp where DSP blocks are allowed); LUT: inverters and the "
         "SRL included. Error: largest, px."
     )
 
 
 def as_markdown(rows, size):
     """The README's table."""
-    return f"{readme.markdown(HEADINGS, table_rows(rows))}\n\n{caption(size)} The paper's rows: Table 2, and Table 1 for the error."
+    table = readme.markdown(HEADINGS, table_rows(rows))
+    return f"{table}\n\n{caption(size)} The paper's rows: its Table 2, and Table 1 for the error."
 
 
 if __name__ == "__main__":

@@ -31,8 +31,13 @@ EPIPOLAR_TOLERANCE = 1.0  # px
 
 @click.command()
 @click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
-@click.option("--json", "json_file", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
-              help="Write the rows of the table to FILE.")
+@click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the rows of the table to FILE.",
+)
 def row_difference(data, json_file):
     """Mean row difference of matched points in the real image pairs, before and after rectification with the lens.
 

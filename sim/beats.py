@@ -78,8 +78,10 @@ def to_frames(beats, width, height, *, channels=1, pixel_bits=8):
         beat = beats[wrong.argmax()]
         line, column = divmod(int(wrong.argmax()), width)
         frame, row = divmod(line, height)
-        raise StreamError(f"frame {frame}, row {row}, column {column}: tuser {beat['user']:d}, tlast {beat['last']:d}, "
-                          f"tdata {beat['data']:#x} does not fit frames of {width}x{height}, {bits} bits a pixel")
+        raise StreamError(
+            f"frame {frame}, row {row}, column {column}: tuser {beat['user']:d}, tlast {beat['last']:d}, "
+            f"tdata {beat['data']:#x} does not fit frames of {width}x{height}, {bits} bits a pixel"
+        )
     if not len(beats) or len(beats) % size:
         raise StreamError(f"{len(beats)} beats are not whole frames of {width}x{height}")
     shifts = np.arange(channels, dtype=np.uint64) * np.uint64(pixel_bits)

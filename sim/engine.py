@@ -92,9 +92,13 @@ class _Job(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("input", "output")),
-        *((name, ctypes.c_uint64) for name in (
-            "offered expected capacity seed idle_enter idle_leave stop_enter stop_leave watchdog settle reset_cycles "
-            "sent received cycles stall_cycles not_ready_cycles violations first_violation").split()),
+        *(
+            (name, ctypes.c_uint64)
+            for name in (
+                "offered expected capacity seed idle_enter idle_leave stop_enter stop_leave watchdog settle "
+                "reset_cycles sent received cycles stall_cycles not_ready_cycles violations first_violation"
+            ).split()
+        ),
         *((name, ctypes.c_uint32) for name in ("kinds", "status")),
     ]
 
@@ -138,8 +142,21 @@ class Core:
         self._release = weakref.finalize(self, self._code.bench_delete, self._bench)
         self._complete = False
 
-    def run(self, stream, *, idle=0.0, backpressure=0.0, burst=None, seed=0, start="power-up", expected=None,
-            watchdog=10_000, settle=64, reset_cycles=16, check=True):
+    def run(
+        self,
+        stream,
+        *,
+        idle=0.0,
+        backpressure=0.0,
+        burst=None,
+        seed=0,
+        start="power-up",
+        expected=None,
+        watchdog=10_000,
+        settle=64,
+        reset_cycles=16,
+        check=True,
+    ):
         """Send a stream through the core and return the `Run`.
 
         Ends when every beat is in, `expected` beats are out, and `settle` more cycles have shown whether more follow.
@@ -184,17 +201,35 @@ class Core:
         expected = len(beats) if expected is None else expected
         beats = np.array(beats, order="C")
         out = np.zeros(expected + settle + 1, BEAT)
-        job = _Job(beats.ctypes.data, out.ctypes.data, len(beats), expected, len(out), seed,
-                   *_pauses("idle", idle, burst), *_pauses("backpressure", backpressure, burst),
-                   watchdog, settle, 0 if start == "continue" else reset_cycles)
+        job = _Job(
+            beats.ctypes.data,
+            out.ctypes.data,
+            len(beats),
+            expected,
+            len(out),
+            seed,
+            *_pauses("idle", idle, burst),
+            *_pauses("backpressure", backpressure, burst),
+            watchdog,
+            settle,
+            0 if start == "continue" else reset_cycles,
+        )
         if start == "power-up":
             self._release()
             self._power_up()
         self._code.bench_run(self._bench, job)
         self._complete = job.status == Status.DONE
-        run = Run(out[: job.received], beats[: job.sent], Status(job.status), job.cycles, job.stall_cycles,
-                  job.not_ready_cycles, job.violations, Violation(job.kinds),
-                  job.first_violation if job.violations else None)
+        run = Run(
+            out[: job.received],
+            beats[: job.sent],
+            Status(job.status),
+            job.cycles,
+            job.stall_cycles,
+            job.not_ready_cycles,
+            job.violations,
+            Violation(job.kinds),
+            job.first_violation if job.violations else None,
+        )
         if check:
             _refuse(run, job)
         return run
@@ -241,9 +276,22 @@ def compile_core(verilog, top, *, cache="build/cache", compiler=None):
         raise ValueError(f"top = {top!r}: not a plain Verilog name")
     text = verilog.encode() if is_text else Path(verilog).read_bytes()
     command = _compiler(compiler)
-    key = hashlib.sha256(repr((
-        text, top, _HARNESS.read_bytes(), _PASSES, _FLAGS, command, _identity(command),
-        yosys.version(), sys.platform, platform.machine())).encode()).hexdigest()
+    key = hashlib.sha256(
+        repr(
+            (
+                text,
+                top,
+                _HARNESS.read_bytes(),
+                _PASSES,
+                _FLAGS,
+                command,
+                _identity(command),
+                yosys.version(),
+                sys.platform,
+                platform.machine(),
+            )
+        ).encode()
+    ).hexdigest()
     cache = Path(cache).absolute()
     library = cache / f"{top}-{key[:20]}.so"
     cached = library.exists()

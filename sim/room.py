@@ -199,9 +199,7 @@ class Room:
         label = band(above, p.wt, 0.55 * tall, 0.68 * tall) * (which > 0.3)
         cover = self._mix(cover, self._mix(_CREAM, _INK, np.round(random(book, row, self.seed + 7))), 0.8 * label)
         inside = self._mix(tuple(0.5 * c for c in _WALNUT), cover, spine)
-        boards = np.maximum(
-            frame(p.s, p.ws, p.t, p.wt, half_s, half_t, board), 1 - band(above, p.wt, board, shelf)
-        )
+        boards = np.maximum(frame(p.s, p.ws, p.t, p.wt, half_s, half_t, board), 1 - band(above, p.wt, board, shelf))
         return self._mix(inside, self._side(p), boards)
 
     def _picture(self, p):

@@ -58,7 +58,9 @@ class Result:
 @click.command()
 @core_options
 @click.option("--left", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the left camera.")
-@click.option("--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera.")
+@click.option(
+    "--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
 def simulate(files, size, file_format, select, left, right, as_json, output, **choices):
     """Build the cores of both cameras and run a frame of each through the generated Verilog.
@@ -110,13 +112,18 @@ def read_image(file, plan):
         raise InputError(file, None, None, "is not an image that OpenCV can read")
     height, width = image.shape[:2]
     if (width, height) != (plan.width, plan.height):
-        raise InputError(file, "size", f"{width}x{height}",
-                         f"the calibration is for {plan.width}x{plan.height}; --size {width}x{height} scales it")
+        raise InputError(
+            file,
+            "size",
+            f"{width}x{height}",
+            f"the calibration is for {plan.width}x{plan.height}; --size {width}x{height} scales it",
+        )
     if image.dtype == np.uint8:
         return image if plan.pixel_bits == 8 else image.astype(np.uint16) << (plan.pixel_bits - 8)
     if image.dtype != np.uint16 or int(image.max()) >> plan.pixel_bits:
-        raise InputError(file, "pixels", f"{image.dtype} up to {image.max()}",
-                         f"do not fit {plan.pixel_bits} bits; see --pixel-bits")
+        raise InputError(
+            file, "pixels", f"{image.dtype} up to {image.max()}", f"do not fit {plan.pixel_bits} bits; see --pixel-bits"
+        )
     return image
 
 
@@ -130,24 +137,29 @@ def frame_through(core, compiled, compile_seconds, source):
     plan, coordinates = core.plan, core.parameters.datapath.coordinates
     start = time.perf_counter()
     stream = compiled.run(to_beats(source, channels=plan.channels, pixel_bits=plan.pixel_bits))
-    (rectified,) = to_frames(
-        stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits
-    )
+    (rectified,) = to_frames(stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits)
     seconds = time.perf_counter() - start
     border = (plan.border.mode, plan.border.value)
     model = remap(source, coordinates.u, coordinates.v, plan.fraction_bits, *border)
     same_in_cv2 = plan.pixel_bits == 8 and plan.fraction_bits == 5
     cv2_pixels = cv2_remap(source, coordinates.u, coordinates.v, *border) if same_in_cv2 else None
     exact = cv2.remap(
-        source, *(axis.astype(np.float32) for axis in core.exact), cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE if border[0] == "replicate" else cv2.BORDER_CONSTANT, borderValue=[border[1]] * 3,
+        source,
+        *(axis.astype(np.float32) for axis in core.exact),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE if border[0] == "replicate" else cv2.BORDER_CONSTANT,
+        borderValue=[border[1]] * 3,
     )
     return Result(
-        core, source, rectified,
+        core,
+        source,
+        rectified,
         _different_pixels(rectified, model),
         None if cv2_pixels is None else _different_pixels(rectified, cv2_pixels),
         float(np.abs(rectified.astype(float) - exact).mean()),
-        seconds, stream.cycles, compile_seconds,
+        seconds,
+        stream.cycles,
+        compile_seconds,
     )
 
 
@@ -208,28 +220,35 @@ def _print(results, rows, pictures):
     total = plan.width * plan.height
     lens = f"{'with' if plan.lens else 'without'} the lens"
     rows_of_table = (
+        ("datapath", lambda r: r.core.plan.datapath),
         ("pixels unlike the integer model's", lambda r: f"{r.model_differences} of {total}"),
-        ("pixels unlike cv2.remap's",
-         lambda r: "not comparable" if r.cv2_differences is None else f"{r.cv2_differences} of {total}"),
+        (
+            "pixels unlike cv2.remap's",
+            lambda r: "not comparable" if r.cv2_differences is None else f"{r.cv2_differences} of {total}",
+        ),
         ("mean gray-level error, exact map", lambda r: f"{r.exact_difference:.3f}"),
-        ("coordinate error u, v: mean",
-         lambda r: f"{r.core.plan.error.u.mean:.4f}, {r.core.plan.error.v.mean:.4f} px"),
-        ("coordinate error u, v: max",
-         lambda r: f"{r.core.plan.error.u.max:.4f}, {r.core.plan.error.v.max:.4f} px"),
+        ("coordinate error u, v: mean", lambda r: f"{r.core.plan.error.u.mean:.4f}, {r.core.plan.error.v.mean:.4f} px"),
+        ("coordinate error u, v: max", lambda r: f"{r.core.plan.error.u.max:.4f}, {r.core.plan.error.v.max:.4f} px"),
         ("line buffer", lambda r: f"{r.core.plan.line_buffer.rows} rows"),
         ("clocks for the frame", lambda r: f"{r.cycles}"),
         ("simulated in", lambda r: f"{r.seconds:.2f} s"),
     )
-    console.print(camera_table(
-        f"A frame through each core's Verilog: {plan.width}x{plan.height}, {plan.datapath}, {lens}", SIDES,
-        [(name, [text(results[side]) for side in SIDES]) for name, text in rows_of_table],
-    ))
+    console.print(
+        camera_table(
+            f"A frame through each core's Verilog: {plan.width}x{plan.height}, {lens}",
+            SIDES,
+            [(name, [text(results[side]) for side in SIDES]) for name, text in rows_of_table],
+        )
+    )
     if rows:
         before, after = rows["before"], rows["after"]
         console.print(
             f"Rows of {after.n} known points in the left and right image differ by {before.mean:.2f} px on average "
             f"(at most {before.max:.2f}) before, {after.mean:.3f} px (at most {after.max:.3f}) after."
         )
+    for side in SIDES:
+        core = results[side].core
+        console.print(f"{side + ' Verilog':>18}  {pictures['left_source'].with_name(core.plan.top + '.v')}")
     for name, path in pictures.items():
         console.print(f"{name.replace('_', ' '):>18}  {path}")
 

@@ -61,7 +61,8 @@ def run(p, beats, frames, idle, backpressure, *more):
         send(axis(core, "s_axis"), beats, idle, CORE_DOMAIN),
         receive(axis(core, "m_axis"), count, backpressure, CORE_DOMAIN, settle=3 * p.datapath.width),
         *(testbench(core) for testbench in more),
-        clocks=10 * (len(beats) + count) + 1000, domain=CORE_DOMAIN,
+        clocks=10 * (len(beats) + count) + 1000,
+        domain=CORE_DOMAIN,
     )
 
 

@@ -51,8 +51,16 @@ def views(name, width, height):
     P2[0, 3] = -0.1 * P1[0, 0]
     camera = Camera("radtan", K, np.zeros(0))
     # x_rectified = turn x_left = turn^T x_right
-    rig = Rig(name, width, height, camera, camera, turn @ turn, turn @ np.array([-0.1, 0.0, 0.0]),
-              rectification={"left": (turn, P1), "right": (turn.T, P2)})
+    rig = Rig(
+        name,
+        width,
+        height,
+        camera,
+        camera,
+        turn @ turn,
+        turn @ np.array([-0.1, 0.0, 0.0]),
+        rectification={"left": (turn, P1), "right": (turn.T, P2)},
+    )
     return rectify(rig, lens=False)
 
 
@@ -73,6 +81,8 @@ def fits(q, values):
 
 
 def _rotation(roll, pitch, yaw):
-    return cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0] @ cv2.Rodrigues(np.array([pitch, 0.0, 0.0]))[0] @ (
-        cv2.Rodrigues(np.array([0.0, yaw, 0.0]))[0]
+    return (
+        cv2.Rodrigues(np.array([0.0, 0.0, roll]))[0]
+        @ cv2.Rodrigues(np.array([pitch, 0.0, 0.0]))[0]
+        @ (cv2.Rodrigues(np.array([0.0, yaw, 0.0]))[0])
     )

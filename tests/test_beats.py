@@ -1,23 +1,24 @@
 """Frames to beats and back."""
 
-import re
-
 import numpy as np
 import pytest
 
-from sim.beats import BEAT, StreamError, to_beats, to_frames
+from sim.beats import StreamError, to_beats, to_frames
 
 
-@pytest.mark.parametrize("shape, options, dtype, width", [
-    ((5, 7), {}, np.uint8, 8),
-    ((2, 5, 7), {}, np.uint8, 8),
-    ((2, 5, 7), {"pixel_bits": 10}, np.uint16, 10),
-    ((5, 7), {"pixel_bits": 12}, np.uint16, 12),
-    ((1, 1), {}, np.uint16, 16),
-    ((5, 7, 3), {}, np.uint8, 24),
-    ((2, 5, 7, 3), {}, np.uint8, 24),
-    ((5, 7, 4), {"channels": 4}, np.uint16, 64),
-])
+@pytest.mark.parametrize(
+    "shape, options, dtype, width",
+    [
+        ((5, 7), {}, np.uint8, 8),
+        ((2, 5, 7), {}, np.uint8, 8),
+        ((2, 5, 7), {"pixel_bits": 10}, np.uint16, 10),
+        ((5, 7), {"pixel_bits": 12}, np.uint16, 12),
+        ((1, 1), {}, np.uint16, 16),
+        ((5, 7, 3), {}, np.uint8, 24),
+        ((2, 5, 7, 3), {}, np.uint8, 24),
+        ((5, 7, 4), {"channels": 4}, np.uint16, 64),
+    ],
+)
 def test_frames_survive_the_way_to_beats_and_back(shape, options, dtype, width):
     channels = options.get("channels", shape[-1] if shape[-1] == 3 else 1)
     bits = options.get("pixel_bits", 8 * dtype().itemsize)

@@ -27,7 +27,7 @@ def interpolate(block, windows, pattern):
         observe(block.enable, [block.pixel], len(stimuli), block.latency),
         clocks=10 * len(stimuli) + 100,
     )
-    return [pixel for pixel, in results]
+    return [pixel for (pixel,) in results]
 
 
 def blended(windows, bits, channels, f):
@@ -61,7 +61,11 @@ def test_pixels_are_those_of_the_definition(bits, channels, f):
 
 def test_every_weight_at_the_extremes_of_the_pixels():
     taps = [
-        ((0, 255), (255, 0)), ((255, 255), (255, 255)), ((255, 0), (0, 0)), ((0, 0), (0, 255)), ((255, 1), (0, 254)),
+        ((0, 255), (255, 0)),
+        ((255, 255), (255, 255)),
+        ((255, 0), (0, 0)),
+        ((0, 0), (0, 255)),
+        ((255, 1), (0, 254)),
     ]
     windows = [
         (taps[(fx + fy + 2 * odd_row + odd_column) % 5], fx, fy, odd_column, odd_row)

@@ -24,9 +24,14 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("name, defect", [
-    *(("proposed", defect) for defect in BROKEN), ("conventional", "too few lines"), ("accumulate", "a line too long"),
-])
+@pytest.mark.parametrize(
+    "name, defect",
+    [
+        *(("proposed", defect) for defect in BROKEN),
+        ("conventional", "too few lines"),
+        ("accumulate", "a line too long"),
+    ],
+)
 def test_frames_after_a_broken_one_are_exact(name, defect):
     p = parameters(name, rigs.view("rolled", "left", WIDTH, HEIGHT))
     frames = random_frames(p, 4)
@@ -50,9 +55,7 @@ def test_lines_too_long_spoil_no_row_that_is_still_needed():
     assert (buffer.pitch * buffer.granule, buffer.rows) == (8, 5 + 3)
     frames = random_frames(p, 4)
     streams = [stream_of(p, [frame]) for frame in frames]
-    streams[1] = [
-        beat for y in range(12) for beat in streams[1][16 * y : 16 * y + 15] + [(0, 0, 0)] * 40 + [(0, 0, 1)]
-    ]
+    streams[1] = [beat for y in range(12) for beat in streams[1][16 * y : 16 * y + 15] + [(0, 0, 0)] * 40 + [(0, 0, 1)]]
     sent, received = run(p, [beat for stream in streams for beat in stream], 4, never(), pauses(0.8, 1, burst=100))
     out = frames_of(p, received)
     assert len(out) == 4

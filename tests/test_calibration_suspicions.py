@@ -105,9 +105,7 @@ def test_rectification_and_t_that_lead_in_opposite_directions_are_refused():
 def test_baseline_of_p2_in_another_unit_is_warned_of():
     P2 = (3, 4, ["450.", "0.", "300.", "-45.", *RECTIFICATION["P2"][2][4:]])
     rig = load(write(as_yaml(RIG | RECTIFICATION | {"P2": P2})))
-    assert rig.warnings == (
-        "rig.yml: P2 = [450.0, 0.0, 300.0, -45.0]: its baseline, -0.1, is not that of T, -100",
-    )
+    assert rig.warnings == ("rig.yml: P2 = [450.0, 0.0, 300.0, -45.0]: its baseline, -0.1, is not that of T, -100",)
     assert rig.rectification is not None
 
 

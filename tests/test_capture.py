@@ -9,9 +9,7 @@ from sim.drivers import Stream, never, pauses, send, simulate
 def frame(width, height, lines=None):
     """Beats (sof, eol) of a frame; ``lines`` are the lengths of its lines where they are not all ``width``."""
     lengths = [width] * height if lines is None else lines
-    return [
-        (int((x, y) == (0, 0)), int(x == length - 1)) for y, length in enumerate(lengths) for x in range(length)
-    ]
+    return [(int((x, y) == (0, 0)), int(x == length - 1)) for y, length in enumerate(lengths) for x in range(length)]
 
 
 def contract(beats, width, height):
@@ -112,9 +110,8 @@ def test_next_frame_is_in_step_after(name, share):
     # Every frame that was started has all its rows, and the last two are whole.
     rows = [last for kind, last, *_ in events if kind == "row"]
     assert rows == [False, False, False, True] * sum(sof for sof, _ in beats)
-    assert events[-2 * (W * H + H):] == [
-        (kind, at, *(index + len(beats) - 2 * W * H for index in beat))
-        for kind, at, *beat in contract(GOOD * 2, W, H)
+    assert events[-2 * (W * H + H) :] == [
+        (kind, at, *(index + len(beats) - 2 * W * H for index in beat)) for kind, at, *beat in contract(GOOD * 2, W, H)
     ]
 
 

@@ -46,12 +46,15 @@ def test_window_holds_exactly_the_taps_inside_the_source(border):
         assert coordinates.window(border) == Window(min(expected), max(expected))
 
 
-@pytest.mark.parametrize("u, v, expected", [
-    (-1.0, 3.0, Window(2, 3)),  # the right column's taps are inside
-    (9.5, 3.0, Window(2, 3)),
-    (4.0, -0.5, Window(-1, -1)),  # the lower row's only
-    (4.0, 7.25, Window(6, 6)),  # the upper row's only
-])
+@pytest.mark.parametrize(
+    "u, v, expected",
+    [
+        (-1.0, 3.0, Window(2, 3)),  # the right column's taps are inside
+        (9.5, 3.0, Window(2, 3)),
+        (4.0, -0.5, Window(-1, -1)),  # the lower row's only
+        (4.0, 7.25, Window(6, 6)),  # the upper row's only
+    ],
+)
 def test_window_of_one_pixel_at_the_edge(u, v, expected):
     shape = (8, 10)
     coordinates = Coordinates(np.full(shape, -64, np.int32), np.full(shape, -64, np.int32), 5)
@@ -67,9 +70,18 @@ def test_window_refuses_a_map_without_a_tap_inside():
     assert Coordinates(outside, outside, 5).window(REPLICATE) == Window(-3, 0)
 
 
-@pytest.mark.parametrize("d_lo, d_hi, lead, rows", [
-    (0, 1, 1, 4), (-1, 1, 1, 6), (-3, 4, 4, 10), (-8, -7, 0, 12), (7, 8, 8, 4), (0, 0, 0, 4), (-2, 1, 1, 6),
-])
+@pytest.mark.parametrize(
+    "d_lo, d_hi, lead, rows",
+    [
+        (0, 1, 1, 4),
+        (-1, 1, 1, 6),
+        (-3, 4, 4, 10),
+        (-8, -7, 0, 12),
+        (7, 8, 8, 4),
+        (0, 0, 0, 4),
+        (-2, 1, 1, 6),
+    ],
+)
 def test_rows_kept_are_the_spread_and_three_made_even(d_lo, d_hi, lead, rows):
     window = Window(d_lo, d_hi)
     assert (window.lead, window.rows) == (lead, rows)
@@ -122,19 +134,38 @@ def test_error_refuses_a_map_without_a_pixel_inside():
     assert str(caught.value) == "map: no output pixel has its source inside the image"
 
 
-@pytest.mark.parametrize("text, border", [
-    ("constant", Border("constant", 0)), ("constant:0", Border("constant", 0)),
-    ("constant:255", Border("constant", 255)), ("constant:65535", Border("constant", 65535)),
-    ("replicate", Border("replicate")),
-])
+@pytest.mark.parametrize(
+    "text, border",
+    [
+        ("constant", Border("constant", 0)),
+        ("constant:0", Border("constant", 0)),
+        ("constant:255", Border("constant", 255)),
+        ("constant:65535", Border("constant", 65535)),
+        ("replicate", Border("replicate")),
+    ],
+)
 def test_borders_are_parsed(text, border):
     assert Border.parse(text) == border
 
 
-@pytest.mark.parametrize("text", [
-    "black", "constant:", "constant:-1", "constant:1.5", "constant:0x10", "constant:٣", "constant:²", "replicate:1",
-    "replicate:", "Constant", "constant:1:2", "constant: 1", "constant:1_0",
-])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "black",
+        "constant:",
+        "constant:-1",
+        "constant:1.5",
+        "constant:0x10",
+        "constant:٣",
+        "constant:²",
+        "replicate:1",
+        "replicate:",
+        "Constant",
+        "constant:1:2",
+        "constant: 1",
+        "constant:1_0",
+    ],
+)
 def test_other_borders_are_refused_by_their_text(text):
     with pytest.raises(InputError) as caught:
         Border.parse(text)

@@ -55,7 +55,7 @@ def run(datapath, frames, stands, idle):
             index += step
         return results
 
-    results, = simulate(block, testbench, clocks=6 * frames * size + 500)
+    (results,) = simulate(block, testbench, clocks=6 * frames * size + 500)
     return np.array(results).reshape(frames, datapath.height, datapath.width, 2)
 
 
@@ -66,12 +66,21 @@ def assert_same(results, datapath):
 
 
 @pytest.mark.parametrize("name", DATAPATHS)
-@pytest.mark.parametrize("rig, side, width, height, fraction_bits", [
-    ("samples", "left", 24, 18, 5), ("samples", "right", 17, 19, 8), ("samples_whole", "left", 20, 16, 5),
-    ("rolled", "left", 21, 13, 4), ("rolled", "right", 16, 11, 5), ("toed_in", "left", 23, 14, 5),
-    ("toed_in", "right", 20, 15, 3), ("looks_up", "left", 16, 12, 6), ("looks_down", "right", 19, 12, 5),
-    ("zoomed", "left", 18, 13, 7),
-])
+@pytest.mark.parametrize(
+    "rig, side, width, height, fraction_bits",
+    [
+        ("samples", "left", 24, 18, 5),
+        ("samples", "right", 17, 19, 8),
+        ("samples_whole", "left", 20, 16, 5),
+        ("rolled", "left", 21, 13, 4),
+        ("rolled", "right", 16, 11, 5),
+        ("toed_in", "left", 23, 14, 5),
+        ("toed_in", "right", 20, 15, 3),
+        ("looks_up", "left", 16, 12, 6),
+        ("looks_down", "right", 19, 12, 5),
+        ("zoomed", "left", 18, 13, 7),
+    ],
+)
 def test_hardware_computes_the_integer_model(name, rig, side, width, height, fraction_bits):
     datapath = fitted(name, rigs.view(rig, side, width, height), fraction_bits)
     assert_same(run(datapath, 2, pauses(0.2, seed=width, burst=2), pauses(0.2, seed=height)), datapath)
@@ -134,7 +143,8 @@ def test_interface_is_that_of_every_datapath(name):
     simulate(component, clocks=1)
     assert component.signature.members == datapath.signature.members
     assert {member: str(port.flow) for member, port in datapath.signature.members.items()} == {
-        **dict.fromkeys("enable step x y end_of_line end_of_frame".split(), "In"), **dict.fromkeys("uv", "Out")
+        **dict.fromkeys("enable step x y end_of_line end_of_frame".split(), "In"),
+        **dict.fromkeys("uv", "Out"),
     }
     u, v = datapath.coordinate_formats
     assert datapath.signature.members["u"] == wiring.Out(u.shape)
@@ -145,7 +155,9 @@ def test_latencies_at_vga():
     view = rigs.view("samples", "left", 640, 480)
     # u, up to 639 px with 5 fraction bits and some px of bias, is 15 bits of quotient.
     assert {name: DATAPATHS[name].fit(view, 5).latency for name in EQUATIONS} == {
-        "conventional": 17, "accumulate": 15, "proposed": 0,
+        "conventional": 17,
+        "accumulate": 15,
+        "proposed": 0,
     }
 
 

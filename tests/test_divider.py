@@ -20,29 +20,43 @@ def divide(divider, operands, count, pattern):
 
 
 def quotients(operands, shifts):
-    return [tuple((dividend << shift) // divisor for dividend, shift in zip(dividends, shifts))
-            for divisor, *dividends in operands]
+    return [
+        tuple((dividend << shift) // divisor for dividend, shift in zip(dividends, shifts))
+        for divisor, *dividends in operands
+    ]
 
 
-@pytest.mark.parametrize("dividend_bits, shift, divisor_bits, quotient_bits", [
-    (6, 0, 4, 6), (5, 2, 4, 5), (6, 0, 4, 3), (4, 3, 5, 1), (3, 0, 4, 4), (7, 0, 1, 7),
-])
+@pytest.mark.parametrize(
+    "dividend_bits, shift, divisor_bits, quotient_bits",
+    [
+        (6, 0, 4, 6),
+        (5, 2, 4, 5),
+        (6, 0, 4, 3),
+        (4, 3, 5, 1),
+        (3, 0, 4, 4),
+        (7, 0, 1, 7),
+    ],
+)
 def test_every_small_division_is_exactly_the_floor(dividend_bits, shift, divisor_bits, quotient_bits):
     operands = [
         (divisor, dividend)
-        for divisor in range(1, 2**divisor_bits) for dividend in range(2**dividend_bits)
+        for divisor in range(1, 2**divisor_bits)
+        for dividend in range(2**dividend_bits)
         if dividend << shift < divisor << quotient_bits
     ]
     divider = Divider([(dividend_bits, shift)], divisor_bits=divisor_bits, quotient_bits=quotient_bits)
     assert divide(divider, operands, 1, never()) == quotients(operands, [shift])
 
 
-@pytest.mark.parametrize("formats, divisor_bits, quotient_bits, seed", [
-    ([(24, 0), (24, 0)], 14, 16, 1),
-    ([(20, 5), (23, 2)], 16, 15, 2),  # as the datapaths have it: unequal shifts, one divisor
-    ([(30, 1), (12, 18), (31, 0)], 15, 16, 3),
-    ([(9, 0)], 20, 4, 4),
-])
+@pytest.mark.parametrize(
+    "formats, divisor_bits, quotient_bits, seed",
+    [
+        ([(24, 0), (24, 0)], 14, 16, 1),
+        ([(20, 5), (23, 2)], 16, 15, 2),  # as the datapaths have it: unequal shifts, one divisor
+        ([(30, 1), (12, 18), (31, 0)], 15, 16, 3),
+        ([(9, 0)], 20, 4, 4),
+    ],
+)
 @pytest.mark.parametrize("share", [0.0, 0.4], ids=["every clock", "with gaps"])
 def test_wide_divisions_are_exactly_the_floor(formats, divisor_bits, quotient_bits, seed, share):
     generator = random.Random(seed)
@@ -53,9 +67,14 @@ def test_wide_divisions_are_exactly_the_floor(formats, divisor_bits, quotient_bi
         for width, shift in formats:
             most = min(2**width, -(-(divisor << quotient_bits) >> shift)) - 1
             multiple = divisor * generator.randrange(2**quotient_bits) >> shift
-            dividends.append(min(most, generator.choice(
-                [generator.randint(0, most), most, 0, multiple, max(multiple - 1, 0), multiple + 1]
-            )))
+            dividends.append(
+                min(
+                    most,
+                    generator.choice(
+                        [generator.randint(0, most), most, 0, multiple, max(multiple - 1, 0), multiple + 1]
+                    ),
+                )
+            )
         operands.append((divisor, *dividends))
     operands = [o for o in operands if all(d << s < o[0] << quotient_bits for d, (_, s) in zip(o[1:], formats))]
     assert len(operands) > 200

@@ -15,9 +15,16 @@ class Register(wiring.Component):
 
     def __init__(self, fault=None):
         self.fault = fault
-        super().__init__({
-            "i": In(8), "i_valid": In(1), "i_ready": Out(1), "o": Out(8), "o_valid": Out(1), "o_ready": In(1),
-        })
+        super().__init__(
+            {
+                "i": In(8),
+                "i_valid": In(1),
+                "i_ready": Out(1),
+                "o": Out(8),
+                "o_valid": Out(1),
+                "o_ready": In(1),
+            }
+        )
 
     def elaborate(self, _platform):
         m = Module()

@@ -22,12 +22,20 @@ class Block(wiring.Component):
 
     def __init__(self, bits=8):
         self.bits = bits
-        super().__init__({"aclk": In(1), "aresetn": In(1)} | {
-            f"{side}_axis_{name}": flow(width)
-            for side, forward, backward in (("s", In, Out), ("m", Out, In))
-            for name, flow, width in (("tdata", forward, bits), ("tvalid", forward, 1), ("tready", backward, 1),
-                                      ("tuser", forward, 1), ("tlast", forward, 1))
-        })
+        super().__init__(
+            {"aclk": In(1), "aresetn": In(1)}
+            | {
+                f"{side}_axis_{name}": flow(width)
+                for side, forward, backward in (("s", In, Out), ("m", Out, In))
+                for name, flow, width in (
+                    ("tdata", forward, bits),
+                    ("tvalid", forward, 1),
+                    ("tready", backward, 1),
+                    ("tuser", forward, 1),
+                    ("tlast", forward, 1),
+                )
+            }
+        )
 
     def elaborate(self, _platform):
         m = Module()
@@ -218,11 +226,14 @@ def test_blanking_longer_than_the_watchdog_is_no_hang(wire):
     assert wire.run(to_beats(np.zeros((2, 2), np.uint8), line_gap=500), watchdog=50).status is Status.DONE
 
 
-@pytest.mark.parametrize("fault, kind", [
-    ("changes while waiting", Violation.BEAT_CHANGED),
-    ("takes valid back", Violation.VALID_DROPPED),
-    ("valid in reset", Violation.VALID_IN_RESET),
-])
+@pytest.mark.parametrize(
+    "fault, kind",
+    [
+        ("changes while waiting", Violation.BEAT_CHANGED),
+        ("takes valid back", Violation.VALID_DROPPED),
+        ("valid in reset", Violation.VALID_IN_RESET),
+    ],
+)
 def test_broken_rule_of_m_axis_is_reported(build, fault, kind):
     core = build(Slice(fault))
     with pytest.raises(StreamError, match=f"cycles break {kind.name} on m_axis"):
@@ -290,7 +301,9 @@ def test_vga_frame_takes_a_fraction_of_a_second(fifo):
 
 
 def test_registers_on_the_falling_edge_are_seen(cache):
-    text = PORTS + """\
+    text = (
+        PORTS
+        + """\
   reg valid = 0; reg [9:0] rise = 0, fall = 0;
   wire go = ~valid | m_axis_tready;
   assign s_axis_tready = go, m_axis_tvalid = valid;
@@ -301,6 +314,7 @@ def test_registers_on_the_falling_edge_are_seen(cache):
   always @(negedge aclk) fall <= rise;
 endmodule
 """
+    )
     beats = stream(1000)
     run = compile_core(text, "block", cache=cache).run(beats, idle=0.3, backpressure=0.3)
     assert_same(run.beats, beats)
@@ -351,14 +365,23 @@ def test_two_processes_can_build_the_same_core_at_once(tmp_path):
     assert len(list((tmp_path / "cache").iterdir())) == 1
 
 
-@pytest.mark.parametrize("text, problem, warning", [
-    (PORTS.replace(");", ")") + WIRES, "core.v:4: ERROR: syntax error, unexpected TOK_ASSIGN, expecting ';'", ""),
-    (WIRE.replace("block", "other"), "ERROR: Module `block' not found!", ""),
-    (WIRE.replace(", m_axis_tuser = s_axis_tuser", ""), "ERROR: Found 1 problems in 'check -assert'.",
-     ": Warning: Wire block.\\m_axis_tuser is used but has no driver."),
-    (WIRE.replace("= s_axis_tuser", "= m_axis_tlast ^ m_axis_tuser"), "ERROR: Found 1 problems in 'check -assert'.",
-     ": Warning: found logic loop in module block:"),
-])
+@pytest.mark.parametrize(
+    "text, problem, warning",
+    [
+        (PORTS.replace(");", ")") + WIRES, "core.v:4: ERROR: syntax error, unexpected TOK_ASSIGN, expecting ';'", ""),
+        (WIRE.replace("block", "other"), "ERROR: Module `block' not found!", ""),
+        (
+            WIRE.replace(", m_axis_tuser = s_axis_tuser", ""),
+            "ERROR: Found 1 problems in 'check -assert'.",
+            ": Warning: Wire block.\\m_axis_tuser is used but has no driver.",
+        ),
+        (
+            WIRE.replace("= s_axis_tuser", "= m_axis_tlast ^ m_axis_tuser"),
+            "ERROR: Found 1 problems in 'check -assert'.",
+            ": Warning: found logic loop in module block:",
+        ),
+    ],
+)
 def test_refused_verilog_is_an_error_with_the_problem_and_the_log(tmp_path, text, problem, warning):
     with pytest.raises(CompileError) as error:
         compile_core(text, "block", cache=tmp_path)
@@ -367,15 +390,24 @@ def test_refused_verilog_is_an_error_with_the_problem_and_the_log(tmp_path, text
     assert problem in log.read_text()
 
 
-@pytest.mark.parametrize("old, new, message", [
-    (", output m_axis_tlast", "", "block: m_axis_tlast is missing: expected output of at most 1 bits"),
-    ("input aclk", "input aclk, input enable", "block: enable is input of 1 bits: expected no such port"),
-    ("input s_axis_tuser", "input [1:0] s_axis_tuser",
-     "block: s_axis_tuser is input of 2 bits: expected input of at most 1 bits"),
-    ("input m_axis_tready", "inout m_axis_tready",
-     "block: m_axis_tready is inout of 1 bits: expected input of at most 1 bits"),
-    ("[7:0]", "[79:0]", "block: m_axis_tdata is output of 80 bits: expected output of at most 64 bits"),
-])
+@pytest.mark.parametrize(
+    "old, new, message",
+    [
+        (", output m_axis_tlast", "", "block: m_axis_tlast is missing: expected output of at most 1 bits"),
+        ("input aclk", "input aclk, input enable", "block: enable is input of 1 bits: expected no such port"),
+        (
+            "input s_axis_tuser",
+            "input [1:0] s_axis_tuser",
+            "block: s_axis_tuser is input of 2 bits: expected input of at most 1 bits",
+        ),
+        (
+            "input m_axis_tready",
+            "inout m_axis_tready",
+            "block: m_axis_tready is inout of 1 bits: expected input of at most 1 bits",
+        ),
+        ("[7:0]", "[79:0]", "block: m_axis_tdata is output of 80 bits: expected output of at most 64 bits"),
+    ],
+)
 def test_other_ports_are_refused_by_name(tmp_path, old, new, message):
     text = PORTS.replace(old, new) + WIRES + "endmodule\n"
     with pytest.raises(CompileError) as error:

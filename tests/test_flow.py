@@ -49,7 +49,7 @@ def run(lead, height, rows, wants):
             model.issued += issue
         return seen
 
-    seen, = simulate(flow, testbench, clocks=60 * rows + 100)
+    (seen,) = simulate(flow, testbench, clocks=60 * rows + 100)
     return seen
 
 
@@ -57,9 +57,7 @@ def run(lead, height, rows, wants):
 @pytest.mark.parametrize("write_share, issue_share", [(0.9, 0.1), (0.1, 0.9), (0.5, 0.5), (1.0, 1.0), (0.9, 0.9)])
 def test_rules_hold_in_every_clock(height, lead, write_share, issue_share):
     generator = random.Random(height * 100 + lead)
-    seen = run(lead, height, 12 * height, lambda: (
-        generator.random() < write_share, generator.random() < issue_share
-    ))
+    seen = run(lead, height, 12 * height, lambda: (generator.random() < write_share, generator.random() < issue_share))
     if write_share > issue_share:
         assert max(ahead for ahead, _, _ in seen) == lead + 2
 

@@ -52,9 +52,7 @@ def output(core, frames, **pauses):
     """The stream of ``frames`` through the core, and the frames that it gave out."""
     plan = core.plan
     stream = compile_core(core.verilog, plan.top).run(stream_of(frames, plan), **pauses)
-    return stream, to_frames(
-        stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits
-    )
+    return stream, to_frames(stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits)
 
 
 def run(core, frames, expected, **pauses):
@@ -119,9 +117,17 @@ def test_any_frame_size(size):
 
 
 @pytest.mark.parametrize("datapath", DATAPATHS)
-@pytest.mark.parametrize("idle, backpressure, burst", [
-    (0.0, 0.0, None), (0.5, 0.0, None), (0.0, 0.5, None), (0.4, 0.4, None), (0.3, 0.6, 900), (0.7, 0.1, 2000),
-])
+@pytest.mark.parametrize(
+    "idle, backpressure, burst",
+    [
+        (0.0, 0.0, None),
+        (0.5, 0.0, None),
+        (0.0, 0.5, None),
+        (0.4, 0.4, None),
+        (0.3, 0.6, 900),
+        (0.7, 0.1, 2000),
+    ],
+)
 def test_pauses_change_nothing_but_the_time(datapath, idle, backpressure, burst):
     built = core(Options(datapath=datapath), "left", (320, 240))
     stream = run(built, frames_for(built, 3), opencv, idle=idle, backpressure=backpressure, burst=burst, seed=7)

@@ -26,14 +26,26 @@ def accumulated(form, frames, seed):
                     values.append(value)
         return values
 
-    values, = simulate(block, testbench, clocks=3 * frames * form.width * form.height + 100)
+    (values,) = simulate(block, testbench, clocks=3 * frames * form.width * form.height + 100)
     return values
 
 
-@pytest.mark.parametrize("a, b, c", [
-    (1, 1, 0), (-1, -1, 0), (0, 0, -1), (2**20 - 1, -(2**19), -(2**30)), (-(2**20), 2**21, 2**24), (-7, 9, 1),
-    (3, -3 * 8, 0), (1, 8, -64), (0, 0, 0), (-1, 0, 7), (2**33, -(2**34), 5),
-])
+@pytest.mark.parametrize(
+    "a, b, c",
+    [
+        (1, 1, 0),
+        (-1, -1, 0),
+        (0, 0, -1),
+        (2**20 - 1, -(2**19), -(2**30)),
+        (-(2**20), 2**21, 2**24),
+        (-7, 9, 1),
+        (3, -3 * 8, 0),
+        (1, 8, -64),
+        (0, 0, 0),
+        (-1, 0, 7),
+        (2**33, -(2**34), 5),
+    ],
+)
 def test_accumulator_has_the_values_of_its_form_at_the_extremes(a, b, c):
     form = LinearForm(a, b, c, 3, 9, 7)
     values = [a * x + b * y + c for y in range(7) for x in range(9)]

@@ -55,8 +55,15 @@ class Case:
         spans = [(min(axis), max(axis)) for axis in zip(*positions)]
         u, v = (Q.covering(*span, BITS) for span in spans)
         return LineBufferParameters(
-            self.width, self.height, Window(self.d_lo, self.d_hi), u, v, *spans, self.border,
-            channel_bits=16, channels=1,
+            self.width,
+            self.height,
+            Window(self.d_lo, self.d_hi),
+            u,
+            v,
+            *spans,
+            self.border,
+            channel_bits=16,
+            channels=1,
         )
 
     def tap(self, source, column, row):
@@ -67,10 +74,16 @@ class Case:
 
 
 CASES = [
-    *(Case(width, height, d_lo, d_hi) for width, height in ((12, 10), (13, 11), (9, 14), (16, 9))
-      for d_lo, d_hi in ((-3, 4), (-5, -3), (3, 5), (0, 1), (-2, 1))),
-    *(Case(width, height, d_lo, d_hi, REPLICATE) for width, height in ((12, 10), (13, 11))
-      for d_lo, d_hi in ((-3, 4), (0, 1), (-4, 0), (-1, 5))),
+    *(
+        Case(width, height, d_lo, d_hi)
+        for width, height in ((12, 10), (13, 11), (9, 14), (16, 9))
+        for d_lo, d_hi in ((-3, 4), (-5, -3), (3, 5), (0, 1), (-2, 1))
+    ),
+    *(
+        Case(width, height, d_lo, d_hi, REPLICATE)
+        for width, height in ((12, 10), (13, 11))
+        for d_lo, d_hi in ((-3, 4), (0, 1), (-4, 0), (-1, 5))
+    ),
 ]
 
 
@@ -95,9 +108,7 @@ def read(case, frames, positions, *, delay, write_pauses, read_pauses):
             frame, y = divmod(issued, height)
             write = written <= issued + lead + 1 and written < len(pixels) and not next(write_pauses)
             enable = not next(read_pauses)
-            issue = enable and issued < len(pixels) and (
-                written > issued + lead or written >= (frame + 1) * height
-            )
+            issue = enable and issued < len(pixels) and (written > issued + lead or written >= (frame + 1) * height)
 
             # The end of a row comes with its last pixel or later.
             write_pixel = write and x < width
@@ -128,9 +139,9 @@ def read(case, frames, positions, *, delay, write_pauses, read_pauses):
                 reading.append(position)
                 if reading.popleft() is not None:
                     top, bottom = taps[odd_row], taps[1 - odd_row]
-                    windows.append((
-                        top[odd_column], top[1 - odd_column], bottom[odd_column], bottom[1 - odd_column], fx, fy
-                    ))
+                    windows.append(
+                        (top[odd_column], top[1 - odd_column], bottom[odd_column], bottom[1 - odd_column], fx, fy)
+                    )
             x += write_pixel
             if row_written:
                 written, x = written + 1, 0
@@ -139,7 +150,7 @@ def read(case, frames, positions, *, delay, write_pauses, read_pauses):
                 issued += column == 0
         return windows
 
-    windows, = simulate(block, testbench, clocks=40 * width * len(pixels) + 500)
+    (windows,) = simulate(block, testbench, clocks=40 * width * len(pixels) + 500)
     return windows
 
 

@@ -45,8 +45,9 @@ def test_verilator_has_no_warning(verilog_file):
 def test_verilator_would_warn(tmp_path):
     file = tmp_path / "bad.v"
     file.write_text("module bad(input clk, output reg [3:0] q); always @(posedge clk) q <= 5'd3; endmodule\n")
-    result = subprocess.run([verilator(), "--lint-only", "-Wall", file.name], cwd=tmp_path, capture_output=True,
-                            text=True, check=False)
+    result = subprocess.run(
+        [verilator(), "--lint-only", "-Wall", file.name], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert "WIDTHTRUNC" in result.stdout + result.stderr
 
 

@@ -36,9 +36,7 @@ def test_a_wider_budget_narrows_the_divider(name):
 def test_a_budget_below_the_rounding_is_refused(name, max_error):
     with pytest.raises(InputError) as caught:
         DATAPATHS[name].fit(rigs.view("samples"), 5, max_error)
-    assert str(caught.value) == (
-        f"--max-error: {max_error}: rounding to 5 fraction bits alone costs up to 0.015625 px"
-    )
+    assert str(caught.value) == (f"--max-error: {max_error}: rounding to 5 fraction bits alone costs up to 0.015625 px")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -62,9 +60,7 @@ def built(datapath, view, bits):
         numerator = 2**datapath.fraction_bits * (row[axis] + ratio.bias * row["z"]) + row["z"] / 2
         stored, kept = bits[f"form_{axis}"], bits[f"kept_{axis}"]
         ratios[f"{axis}_ratio"] = Ratio(form(numerator, stored, kept), kept, ratio.bias)
-    return replace(
-        datapath, **ratios, z_form=form(row["z"], bits["z"], bits["divisor"]), divisor_bits=bits["divisor"]
-    )
+    return replace(datapath, **ratios, z_form=form(row["z"], bits["z"], bits["divisor"]), divisor_bits=bits["divisor"])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -80,19 +76,27 @@ def test_word_lengths_are_the_fewest_in_the_order_of_their_cost(name, side, max_
         return all(np.abs(getattr(used, axis) / 32 - exact[axis]).max() <= budget for axis in axes)
 
     most = {
-        "divisor": MOST_FRACTION_BITS, "z": MOST_FRACTION_BITS,
+        "divisor": MOST_FRACTION_BITS,
+        "z": MOST_FRACTION_BITS,
         **{f"{kind}_{axis}": MOST_FRACTION_BITS for axis in "uv" for kind in ("kept", "form")},
     }
     chosen = {
-        "divisor": fitted.divisor_bits, "z": fitted.z_form.fraction_bits,
-        "kept_u": fitted.u_ratio.kept_bits, "form_u": fitted.u_ratio.form.fraction_bits,
-        "kept_v": fitted.v_ratio.kept_bits, "form_v": fitted.v_ratio.form.fraction_bits,
+        "divisor": fitted.divisor_bits,
+        "z": fitted.z_form.fraction_bits,
+        "kept_u": fitted.u_ratio.kept_bits,
+        "form_u": fitted.u_ratio.form.fraction_bits,
+        "kept_v": fitted.v_ratio.kept_bits,
+        "form_v": fitted.v_ratio.form.fraction_bits,
     }
     # Each step: the bits that shrink together, on which axes it counts, and what was decided before.
     bits = dict(most)
     for names, axes in (
-        (("divisor", "kept_u", "kept_v"), "uv"), (("kept_u",), "u"), (("kept_v",), "v"), (("z",), "uv"),
-        (("form_u",), "u"), (("form_v",), "v"),
+        (("divisor", "kept_u", "kept_v"), "uv"),
+        (("kept_u",), "u"),
+        (("kept_v",), "v"),
+        (("z",), "uv"),
+        (("form_u",), "u"),
+        (("form_v",), "v"),
     ):
         decided = chosen[names[0]]
         assert not meets({**bits, **dict.fromkeys(names, decided - 1)}, axes), names
@@ -101,10 +105,14 @@ def test_word_lengths_are_the_fewest_in_the_order_of_their_cost(name, side, max_
     assert bits == chosen
 
 
-@pytest.mark.parametrize("rig, width, height, max_error", [
-    *((rig, 160, 120, max_error) for rig in rigs.NAMES for max_error in (None, 0.02, 0.2, 1.0, 3.0)),
-    ("samples_whole", 640, 480, None), ("toed_in", 1280, 800, None),
-])
+@pytest.mark.parametrize(
+    "rig, width, height, max_error",
+    [
+        *((rig, 160, 120, max_error) for rig in rigs.NAMES for max_error in (None, 0.02, 0.2, 1.0, 3.0)),
+        ("samples_whole", 640, 480, None),
+        ("toed_in", 1280, 800, None),
+    ],
+)
 def test_no_value_overflows_its_format(rig, width, height, max_error):
     for side in rigs.SIDES:
         view = rigs.view(rig, side, width, height)

@@ -11,7 +11,9 @@ def test_positions_and_flags_of_three_frames(width, height, share):
     gaps = pauses(share, seed=width)
     expected = [
         (x, y, (x, y) == (0, 0), x == width - 1, (x, y) == (width - 1, height - 1))
-        for _ in range(3) for y in range(height) for x in range(width)
+        for _ in range(3)
+        for y in range(height)
+        for x in range(width)
     ]
 
     async def testbench(ctx):
@@ -36,14 +38,22 @@ def test_warm_up_begins_with_the_last_positions_of_a_frame(warm_up):
     raster = Raster(width, height, warm_up)
     expected = [
         *((x, height - 1, False, x == width - 1, x == width - 1) for x in range(width - warm_up, width)),
-        (0, 0, True, False, False), (1, 0, False, False, False),
+        (0, 0, True, False, False),
+        (1, 0, False, False, False),
     ]
 
     async def testbench(ctx):
         ctx.set(raster.step, 1)
-        return [tuple((await ctx.tick().sample(
-            raster.x, raster.y, raster.start_of_frame, raster.end_of_line, raster.end_of_frame
-        ))[2:]) for _ in expected]
+        return [
+            tuple(
+                (
+                    await ctx.tick().sample(
+                        raster.x, raster.y, raster.start_of_frame, raster.end_of_line, raster.end_of_frame
+                    )
+                )[2:]
+            )
+            for _ in expected
+        ]
 
-    positions, = simulate(raster, testbench, clocks=20)
+    (positions,) = simulate(raster, testbench, clocks=20)
     assert positions == expected

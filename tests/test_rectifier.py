@@ -41,10 +41,15 @@ def test_last_frame_drains_without_more_input(rig):
     assert taken[-1] - sent[-1] <= (p.line_buffer.window.lead + 1) * WIDTH + p.pipeline_latency
 
 
-@pytest.mark.parametrize("name, rig, side", [
-    *((name, "rolled", "left") for name in DATAPATHS), ("proposed", "looks_up", "right"),
-    ("proposed", "looks_down", "left"), ("conventional", "samples", "right"),
-])
+@pytest.mark.parametrize(
+    "name, rig, side",
+    [
+        *((name, "rolled", "left") for name in DATAPATHS),
+        ("proposed", "looks_up", "right"),
+        ("proposed", "looks_down", "left"),
+        ("conventional", "samples", "right"),
+    ],
+)
 def test_latency_is_exact(name, rig, side):
     p = parameters(name, rigs.view(rig, side))
     sent, taken = check(p, 1, never(), never())
@@ -53,9 +58,14 @@ def test_latency_is_exact(name, rig, side):
     assert p.pipeline_latency == p.datapath.latency + 4
 
 
-@pytest.mark.parametrize("name, rig", [
-    *((name, "rolled") for name in DATAPATHS), ("proposed", "looks_up"), ("proposed", "looks_down"),
-])
+@pytest.mark.parametrize(
+    "name, rig",
+    [
+        *((name, "rolled") for name in DATAPATHS),
+        ("proposed", "looks_up"),
+        ("proposed", "looks_down"),
+    ],
+)
 @pytest.mark.parametrize("idle", [0.0, 0.4], ids=["without blanking", "with blanking"])
 def test_input_never_waits_while_the_output_does_not(name, rig, idle):
     watched = 3 * WIDTH * HEIGHT
@@ -67,6 +77,7 @@ def test_input_never_waits_while_the_output_does_not(name, rig, idle):
                 _, _, ready = await ctx.tick(CORE_DOMAIN).sample(core.s_axis_tready)
                 clocks += ready
             return clocks
+
         return testbench
 
     sent, taken, ready = check(parameters(name, rigs.view(rig)), 3, pauses(idle, 9, burst=40), never(), ready_clocks)
@@ -90,13 +101,17 @@ def test_input_side_does_not_see_the_output_side_within_a_clock():
                 assert len(set(ready)) == 1
                 seen.add((ctx.get(core.m_axis_tvalid), ready[0]))
             return seen
+
         return testbench
 
     core = Rectifier(p)
     stream = stream_of(p, random_frames(p, 1))
     _, seen = simulate(
-        bench(core), send(axis(core, "s_axis"), stream[: 3 * WIDTH], never(), CORE_DOMAIN), toggle(core),
-        clocks=10 * WIDTH, domain=CORE_DOMAIN,
+        bench(core),
+        send(axis(core, "s_axis"), stream[: 3 * WIDTH], never(), CORE_DOMAIN),
+        toggle(core),
+        clocks=10 * WIDTH,
+        domain=CORE_DOMAIN,
     )
     assert seen >= {(0, 1), (1, 0)}  # before the first pixel, and with one waiting while the line buffer is full
 
@@ -128,7 +143,7 @@ def test_a_reset_in_mid_frame_starts_over(name):
         return await receive(axis(core, "m_axis"), count, pauses(0.2, 1), CORE_DOMAIN)(ctx)
 
     _, received = simulate(top, into, out_of, clocks=6 * count, domain=CORE_DOMAIN)
-    out, = frames_of(p, received)
+    (out,) = frames_of(p, received)
     np.testing.assert_array_equal(out, rectified(p, frames[2]))
 
 

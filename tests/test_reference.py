@@ -82,9 +82,7 @@ def test_points_behind_the_camera_have_no_position(name):
 def test_equation_3_is_the_map_without_lens():
     v = view("radtan", lens=False)
     C = v.camera.K @ v.R.T @ np.linalg.inv(v.P[:, :3])
-    np.testing.assert_allclose(
-        reference.projective(C, WIDTH, HEIGHT), reference.coordinate_map(v), rtol=0, atol=1e-9
-    )
+    np.testing.assert_allclose(reference.projective(C, WIDTH, HEIGHT), reference.coordinate_map(v), rtol=0, atol=1e-9)
 
 
 def test_equation_6_accumulates_the_first_two_rows_of_c():

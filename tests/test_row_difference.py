@@ -30,8 +30,9 @@ def rig(shift=SHIFT):
 
 
 def moved(image, x, y):
-    return cv2.warpAffine(image, np.array([[1, 0, x], [0, 1, y]], dtype=float), (WIDTH, HEIGHT),
-                          flags=cv2.INTER_LINEAR, borderValue=200)
+    return cv2.warpAffine(
+        image, np.array([[1, 0, x], [0, 1, y]], dtype=float), (WIDTH, HEIGHT), flags=cv2.INTER_LINEAR, borderValue=200
+    )
 
 
 def board(x=40, y=30, square=20):
@@ -39,8 +40,13 @@ def board(x=40, y=30, square=20):
     for row in range(BOARD[1] + 1):
         for column in range(BOARD[0] + 1):
             if (row + column) % 2 == 0:
-                cv2.rectangle(image, (x + column * square, y + row * square),
-                              (x + (column + 1) * square - 1, y + (row + 1) * square - 1), 20, cv2.FILLED)
+                cv2.rectangle(
+                    image,
+                    (x + column * square, y + row * square),
+                    (x + (column + 1) * square - 1, y + (row + 1) * square - 1),
+                    20,
+                    cv2.FILLED,
+                )
     return cv2.GaussianBlur(image, (5, 5), 1)
 
 

@@ -55,22 +55,38 @@ def test_modules_have_plain_names_that_begin_with_the_top(name):
     assert sorted(module for module, _ in instances) == sorted(set(modules) - {"eye"})
 
 
-@pytest.mark.parametrize("formats, bits", [
-    ({}, 8), ({"pixel_bits": 10}, 16), ({"pixel_bits": 12}, 16), ({"pixel_bits": 16}, 16), ({"channels": 3}, 24),
-])
+@pytest.mark.parametrize(
+    "formats, bits",
+    [
+        ({}, 8),
+        ({"pixel_bits": 10}, 16),
+        ({"pixel_bits": 12}, 16),
+        ({"pixel_bits": 16}, 16),
+        ({"channels": 3}, 24),
+    ],
+)
 def test_ports_are_those_of_axi4_stream_video(formats, bits):
     text = exported("proposed", **formats)
-    top = text[re.search(r"^module core\(", text, re.MULTILINE).end():]
+    top = text[re.search(r"^module core\(", text, re.MULTILINE).end() :]
     top = top[: top.index("endmodule")]
     ports = re.findall(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);", top, re.MULTILINE)
     data = str(bits - 1)
-    assert sorted(ports) == sorted([
-        ("input", "", "aclk"), ("input", "", "aresetn"),
-        ("input", data, "s_axis_tdata"), ("input", "", "s_axis_tvalid"), ("output", "", "s_axis_tready"),
-        ("input", "", "s_axis_tuser"), ("input", "", "s_axis_tlast"),
-        ("output", data, "m_axis_tdata"), ("output", "", "m_axis_tvalid"), ("input", "", "m_axis_tready"),
-        ("output", "", "m_axis_tuser"), ("output", "", "m_axis_tlast"),
-    ])
+    assert sorted(ports) == sorted(
+        [
+            ("input", "", "aclk"),
+            ("input", "", "aresetn"),
+            ("input", data, "s_axis_tdata"),
+            ("input", "", "s_axis_tvalid"),
+            ("output", "", "s_axis_tready"),
+            ("input", "", "s_axis_tuser"),
+            ("input", "", "s_axis_tlast"),
+            ("output", data, "m_axis_tdata"),
+            ("output", "", "m_axis_tvalid"),
+            ("input", "", "m_axis_tready"),
+            ("output", "", "m_axis_tuser"),
+            ("output", "", "m_axis_tlast"),
+        ]
+    )
     assert sorted(top[: top.index(")")].replace(" ", "").replace("\n", "").split(",")) == sorted(
         name for _, _, name in ports
     )
@@ -84,7 +100,10 @@ def test_a_second_export_is_the_same_text(name):
 def test_another_process_writes_the_same_bytes(tmp_path):
     texts = {
         subprocess.run(
-            [sys.executable, "-c", SCRIPT], cwd=tmp_path, check=True, capture_output=True,
+            [sys.executable, "-c", SCRIPT],
+            cwd=tmp_path,
+            check=True,
+            capture_output=True,
             env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
         ).stdout
         for seed in ("1", "2")
@@ -114,7 +133,8 @@ def test_line_memories_are_four_with_a_write_and_a_registered_read_each():
     parameters = core_parameters("proposed").line_buffer
     assert memories == [
         (f"bank_{row}_row_{column}_column", str(parameters.depth - 1))
-        for row in ("even", "odd") for column in ("even", "odd")
+        for row in ("even", "odd")
+        for column in ("even", "odd")
     ]
     for memory, _ in memories:
         accesses = re.findall(rf"(.*){memory}\[.*\](.*);", text)

@@ -25,18 +25,35 @@ COEFFICIENTS = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
-@click.option("--format", type=click.Choice([reader.NAME for reader in calibration.FORMATS]), metavar="NAME",
-              help="Take the files to be of this format, instead of looking into them: "
-                   + "; ".join(f"{reader.NAME}, {reader.TITLE}" for reader in calibration.FORMATS) + ".")
-@click.option("--select", metavar="WHICH", help="The cameras or the resolution to take, where a file holds several. "
-              + " ".join(f"{reader.NAME}: {reader.SELECT}." for reader in calibration.FORMATS if reader.SELECT))
-@click.option("--size", type=SizeType(),
-              help="Frame size, px; scales the calibration, or chooses from one with several resolutions.")
+@click.option(
+    "--format",
+    type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
+    metavar="NAME",
+    help="Take the files to be of this format, instead of looking into them: "
+    + "; ".join(f"{reader.NAME}, {reader.TITLE}" for reader in calibration.FORMATS)
+    + ".",
+)
+@click.option(
+    "--select",
+    metavar="WHICH",
+    help="The cameras or the resolution to take, where a file holds several. "
+    + " ".join(f"{reader.NAME}: {reader.SELECT}." for reader in calibration.FORMATS if reader.SELECT),
+)
+@click.option(
+    "--size",
+    type=SizeType(),
+    help="Frame size, px; scales the calibration, or chooses from one with several resolutions.",
+)
 @rectification_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
-@click.option("--convert", "target", type=click.Path(path_type=Path, dir_okay=False), metavar="OUT.yml",
-              help="Write the calibration to OUT.yml in OpenCV's format; the rectification too if the file has one or "
-                   "an option chooses one.")
+@click.option(
+    "--convert",
+    "target",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="OUT.yml",
+    help="Write the calibration to OUT.yml in OpenCV's format; the rectification too if the file has one or "
+    "an option chooses one.",
+)
 def describe(files, format, select, size, as_json, target, **choices):
     """Show what was understood of a calibration: cameras, lenses, baseline, rectification, rows of line buffer.
 
@@ -100,9 +117,7 @@ class Description:
             "R": rig.R.tolist(),
             "T": rig.T.tolist(),
             "unit": rig.unit,
-            "rectification": {
-                side: {"R": view.R.tolist(), "P": view.P.tolist()} for side, view in self.views.items()
-            },
+            "rectification": {side: {"R": view.R.tolist(), "P": view.P.tolist()} for side, view in self.views.items()},
             "rows": {
                 side: {"lens": self.views[side].window.rows, "no_lens": self.plain[side].window.rows} for side in SIDES
             },

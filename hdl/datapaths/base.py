@@ -44,16 +44,18 @@ class DatapathSignature(wiring.Signature):
     """
 
     def __init__(self, width, height, u, v):
-        super().__init__({
-            "enable": In(1),
-            "step": In(1),
-            "x": In(ceil_log2(width)),
-            "y": In(ceil_log2(height)),
-            "end_of_line": In(1),
-            "end_of_frame": In(1),
-            "u": Out(u.shape),
-            "v": Out(v.shape),
-        })
+        super().__init__(
+            {
+                "enable": In(1),
+                "step": In(1),
+                "x": In(ceil_log2(width)),
+                "y": In(ceil_log2(height)),
+                "end_of_line": In(1),
+                "end_of_frame": In(1),
+                "u": Out(u.shape),
+                "v": Out(v.shape),
+            }
+        )
 
 
 @dataclass(frozen=True)

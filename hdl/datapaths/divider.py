@@ -34,12 +34,14 @@ class Divider(wiring.Component):
     def __init__(self, dividends, *, divisor_bits, quotient_bits):
         self._shifts = [shift for _, shift in dividends]
         self.latency = quotient_bits
-        super().__init__({
-            "enable": In(1),
-            "divisor": In(divisor_bits),
-            **{f"dividend_{i}": In(width) for i, (width, _) in enumerate(dividends)},
-            **{f"quotient_{i}": Out(quotient_bits) for i in range(len(dividends))},
-        })
+        super().__init__(
+            {
+                "enable": In(1),
+                "divisor": In(divisor_bits),
+                **{f"dividend_{i}": In(width) for i, (width, _) in enumerate(dividends)},
+                **{f"quotient_{i}": Out(quotient_bits) for i in range(len(dividends))},
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

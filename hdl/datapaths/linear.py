@@ -50,9 +50,7 @@ class LinearForm:
     @property
     def format(self):
         """The narrowest format for every value in the frame; a linear form has its extremes in the corners."""
-        corners = [
-            self.a * x + self.b * y + self.c for x in (0, self.width - 1) for y in (0, self.height - 1)
-        ]
+        corners = [self.a * x + self.b * y + self.c for x in (0, self.width - 1) for y in (0, self.height - 1)]
         return Q.covering(min(corners), max(corners), self.fraction_bits)
 
 
@@ -79,12 +77,14 @@ class Accumulator(wiring.Component):
 
     def __init__(self, form):
         self.form = form
-        super().__init__({
-            "step": In(1),
-            "end_of_line": In(1),
-            "end_of_frame": In(1),
-            "value": Out(form.format.shape, init=form.c),
-        })
+        super().__init__(
+            {
+                "step": In(1),
+                "end_of_line": In(1),
+                "end_of_frame": In(1),
+                "value": Out(form.format.shape, init=form.c),
+            }
+        )
 
     def elaborate(self, platform):
         m = Module()

@@ -61,8 +61,12 @@ class Projective(Datapath):
     def fit(cls, view, fraction_bits, max_error=None):
         budget = default_budget(fraction_bits) if max_error is None else max_error
         if budget <= 2.0 ** -(fraction_bits + 1):
-            raise InputError("--max-error", None, max_error, f"rounding to {fraction_bits} fraction bits alone costs up"
-                             f" to {2.0 ** -(fraction_bits + 1)} px")
+            raise InputError(
+                "--max-error",
+                None,
+                max_error,
+                f"rounding to {fraction_bits} fraction bits alone costs up to {2.0 ** -(fraction_bits + 1)} px",
+            )
         return _WordLengths(cls, view, fraction_bits, budget).search()
 
     @property
@@ -97,7 +101,8 @@ class Projective(Datapath):
         limits = (
             limit + (ratio.bias << self.fraction_bits)
             for ratio, (_, limit) in (
-                (self.u_ratio, self.coordinates.u_range), (self.v_ratio, self.coordinates.v_range)
+                (self.u_ratio, self.coordinates.u_range),
+                (self.v_ratio, self.coordinates.v_range),
             )
         )
         return max(limits).bit_length()
@@ -117,8 +122,10 @@ class Projective(Datapath):
         """The `Divider` for both coordinates."""
         formats = self.formats
         return Divider(
-            [(formats[f"dividend_{axis}"].width, self.divisor_bits - ratio.kept_bits)
-             for axis, ratio in (("u", self.u_ratio), ("v", self.v_ratio))],
+            [
+                (formats[f"dividend_{axis}"].width, self.divisor_bits - ratio.kept_bits)
+                for axis, ratio in (("u", self.u_ratio), ("v", self.v_ratio))
+            ],
             divisor_bits=formats["divisor"].width,
             quotient_bits=self.quotient_bits,
         )

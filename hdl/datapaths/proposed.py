@@ -38,9 +38,7 @@ class Proposed(Datapath):
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        u_form, v_form = (
-            _narrowest(row, view.width, view.height, fraction_bits) for row in view.homography[:2]
-        )
+        u_form, v_form = (_narrowest(row, view.width, view.height, fraction_bits) for row in view.homography[:2])
         return cls(view.width, view.height, fraction_bits, u_form, v_form)
 
     @cached_property

@@ -134,8 +134,8 @@ class Spline(Datapath):
     """Source coordinates as splines: along a row straight lines from node to node, down the columns quadratic ones.
 
     Each row starts from its start value and adds an increment a pixel, which changes from cell to cell; the start value
-    and each cell's increment are themselves accumulated down the rows, by value and slope, and the slope bends every few
-    rows. Values and slopes are in one small RAM, the bends in a ROM, both shared by u and v, and one pair of adders
+    and each cell's increment are themselves accumulated down the rows, by value and slope, and the slope bends every
+    few rows. Values and slopes are in one small RAM, the bends in a ROM, both shared by u and v, and one pair of adders
     takes them all along. v is kept relative to the output row.
 
     Parameters
@@ -224,8 +224,12 @@ class Spline(Datapath):
         formats = {name: q.width for name, q in self.formats.items()}
         waiting = formats["v_less_row"] - (self.v_surface.value_bits - self.fraction_bits)
         word = formats["value"] + formats["slope"]
-        ff = sum(formats.values()) + 2 * self.u_surface.carry_bits + 2 * waiting + max(
-            formats["u_increment"], formats["v_less_row_increment"])
+        ff = (
+            sum(formats.values())
+            + 2 * self.u_surface.carry_bits
+            + 2 * waiting
+            + max(formats["u_increment"], formats["v_less_row_increment"])
+        )
         lut, ramb18 = ff + 12, 0
         for words, width, lut_a_word in (
             (4 << self.column_bits, word, 1.4 * word / 64),
@@ -281,8 +285,13 @@ class _Search:
     def best(self):
         """The cheapest `Spline` within the budget; raises InputError where there is none."""
         if self.slack <= 0:
-            raise InputError("--max-error", None, self.budget, f"rounding to {self.fraction_bits} fraction bits alone "
-                             f"costs up to {2.0 ** -(self.fraction_bits + 1)} px; more --fraction-bits help")
+            raise InputError(
+                "--max-error",
+                None,
+                self.budget,
+                f"rounding to {self.fraction_bits} fraction bits alone "
+                f"costs up to {2.0 ** -(self.fraction_bits + 1)} px; more --fraction-bits help",
+            )
         found = None
         for cells in sorted(self._cells(), key=_cost):
             if found and _cost(cells)[0] >= found.cost.ramb18:
@@ -303,8 +312,10 @@ class _Search:
         """Cells that may do."""
         view = self.view
         bend_across, bend_down = (
-            max(np.abs(np.diff(target, n=order, axis=axis)[_inner(self.inside, order, axis)]).max(initial=0)
-                for target in self.targets)
+            max(
+                np.abs(np.diff(target, n=order, axis=axis)[_inner(self.inside, order, axis)]).max(initial=0)
+                for target in self.targets
+            )
             for order, axis in ((2, 1), (3, 0))
         )
         for cell_width in self.CELL_WIDTHS:
@@ -336,13 +347,19 @@ class _Search:
             if not self.fraction_bits <= increment_bits + along_bits <= node_bits + exact_log2(cells.scale):
                 continue
             surfaces = [
-                Surface(cells, node_bits, increment_bits, self.fraction_bits,
-                        np.round(fit.controls * 2.0**node_bits).astype(np.int64))
+                Surface(
+                    cells,
+                    node_bits,
+                    increment_bits,
+                    self.fraction_bits,
+                    np.round(fit.controls * 2.0**node_bits).astype(np.int64),
+                )
                 for fit in fits
             ]
             if all(
                 self._error(surface, target, rows) <= self.budget
-                for rows in (coarse, slice(None)) for surface, target in zip(surfaces, self.targets)
+                for rows in (coarse, slice(None))
+                for surface, target in zip(surfaces, self.targets)
             ):
                 return Spline(cells.width, cells.height, self.fraction_bits, *surfaces)
         return None
@@ -355,9 +372,9 @@ class _Search:
 def _inner(inside, order, axis):
     """Where a difference of this order has all its samples inside."""
     length = inside.shape[axis] - order
-    return np.logical_and.reduce([
-        np.take(inside, range(shift, shift + length), axis=axis) for shift in range(order + 1)
-    ])
+    return np.logical_and.reduce(
+        [np.take(inside, range(shift, shift + length), axis=axis) for shift in range(order + 1)]
+    )
 
 
 def _cost(cells):
@@ -456,10 +473,10 @@ class SplineCoordinates(wiring.Component):
         }
         half = (1 << u.carry_bits) >> 1
         total = Signal.like(word.value + half)
-        m.d.comb += total.eq(
-            word.value + Mux(last_cell, half, Mux(serves_u, remainders["u"], remainders["v"]))
-        )
-        increment_shape = max((p.formats["u_increment"], p.formats["v_less_row_increment"]), key=lambda q: q.width).shape
+        m.d.comb += total.eq(word.value + Mux(last_cell, half, Mux(serves_u, remainders["u"], remainders["v"])))
+        increment_shape = max(
+            (p.formats["u_increment"], p.formats["v_less_row_increment"]), key=lambda q: q.width
+        ).shape
         cut = Signal(increment_shape, reset_less=True)
         with m.If(self.step & served & ~is_start):
             m.d.sync += cut.eq(total >> u.carry_bits)

@@ -18,8 +18,8 @@ class Cells:
 
     Across, cells are ``cell_width`` px and end with the last column. What is left over at the first column is a shorter
     cell, or, if that were shorter than ``LEAST_CELL``, lengthens the first one. A node stands at the column where each
-    cell begins (or would, were it of full width), and one after the last column. Down, cells are ``cell_height`` rows from row 0; the
-    slope of a node changes every ``slope_rows`` rows.
+    cell begins (or would, were it of full width), and one after the last column. Down, cells are ``cell_height`` rows
+    from row 0; the slope of a node changes every ``slope_rows`` rows.
 
     Parameters
     ----------
@@ -103,8 +103,8 @@ class Cells:
 class Fit:
     """Controls, float64 (columns + 1, rows + 2), of the spline closest to ``target`` in the maximum norm.
 
-    Lawson's method: weighted least squares, the weights multiplied up where the error is large. The normal equations are
-    banded, so a step costs little more than reading the samples; of large frames only every few pixels are.
+    Lawson's method: weighted least squares, the weights multiplied up where the error is large. The normal equations
+    are banded, so a step costs little more than reading the samples; of large frames only every few pixels are.
 
     Parameters
     ----------
