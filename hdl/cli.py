@@ -101,8 +101,10 @@ def run(command):
         sys.exit(command.main(standalone_mode=False) or 0)
     except click.ClickException as error:
         _fail(error.format_message())
-    except (InputError, OSError) as error:
+    except InputError as error:
         _fail(str(error))
+    except OSError as error:
+        _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     except (click.Abort, KeyboardInterrupt):
         Console(stderr=True).print("interrupted")
         sys.exit(130)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from hdl.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
-from hdl.datapaths.base import fitted_budget
+from hdl.datapaths.base import check_budget, fitted_budget
 from hdl.errors import InputError
 
 
@@ -54,6 +54,7 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
         If no datapath meets the budget: the message has the least error reached, and by which.
     """
     budget = fitted_budget(fraction_bits) if max_error is None else max_error
+    check_budget(budget, fraction_bits)
     fitting, others = [], []
     for name, kind in DATAPATHS.items():
         if view.lens and not kind.supports_lens:

@@ -9,6 +9,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
+from hdl.errors import InputError
 from hdl.fixedpoint import Q
 
 # Error allowed on top of the rounding to fraction_bits where no budget is given, px.
@@ -24,6 +25,18 @@ def fitted_budget(fraction_bits):
     """Largest coordinate error, px, of a datapath that is fitted to the map, where no budget is given: 0.05 px, or
     three halves of what rounding alone may cost if that is more."""
     return max(0.05, 1.5 * 2.0 ** -(fraction_bits + 1))
+
+
+def check_budget(budget, fraction_bits):
+    """Raise InputError where rounding alone exceeds the budget, px."""
+    rounding = 2.0 ** -(fraction_bits + 1)
+    if budget <= rounding:
+        raise InputError(
+            "--max-error",
+            None,
+            budget,
+            f"rounding to {fraction_bits} fraction bits alone costs up to {rounding} px; more --fraction-bits help",
+        )
 
 
 class DatapathSignature(wiring.Signature):

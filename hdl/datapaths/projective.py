@@ -8,7 +8,7 @@ import numpy as np
 
 from hdl.coordinates import Coordinates
 from hdl.cost import Cost
-from hdl.datapaths.base import Datapath, default_budget
+from hdl.datapaths.base import Datapath, check_budget, default_budget
 from hdl.datapaths.divider import Divider
 from hdl.datapaths.linear import LinearForm
 from hdl.errors import InputError
@@ -60,13 +60,7 @@ class Projective(Datapath):
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
         budget = default_budget(fraction_bits) if max_error is None else max_error
-        if budget <= 2.0 ** -(fraction_bits + 1):
-            raise InputError(
-                "--max-error",
-                None,
-                max_error,
-                f"rounding to {fraction_bits} fraction bits alone costs up to {2.0 ** -(fraction_bits + 1)} px",
-            )
+        check_budget(budget, fraction_bits)
         return _WordLengths(cls, view, fraction_bits, budget).search()
 
     @property

@@ -11,9 +11,9 @@ from amaranth.utils import ceil_log2, exact_log2
 
 from hdl.coordinates import Coordinates
 from hdl.cost import Cost, block_rams
-from hdl.datapaths.base import Datapath, fitted_budget
+from hdl.datapaths.base import Datapath, check_budget, fitted_budget
 from hdl.datapaths.spline_fit import LEAST_CELL, Cells, Fit
-from hdl.errors import BudgetError, InputError
+from hdl.errors import BudgetError
 from hdl.fixedpoint import Q
 
 # Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
@@ -156,6 +156,7 @@ class Spline(Datapath):
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
         budget = fitted_budget(fraction_bits) if max_error is None else max_error
+        check_budget(budget, fraction_bits)
         return _Search(view, fraction_bits, budget).best()
 
     @cached_property
@@ -284,14 +285,6 @@ class _Search:
 
     def best(self):
         """The cheapest `Spline` within the budget; raises InputError where there is none."""
-        if self.slack <= 0:
-            raise InputError(
-                "--max-error",
-                None,
-                self.budget,
-                f"rounding to {self.fraction_bits} fraction bits alone "
-                f"costs up to {2.0 ** -(self.fraction_bits + 1)} px; more --fraction-bits help",
-            )
         found = None
         for cells in sorted(self._cells(), key=_cost):
             if found and _cost(cells)[0] >= found.cost.ramb18:
