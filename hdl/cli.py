@@ -95,10 +95,13 @@ def note(text):
     Console(stderr=True, soft_wrap=True, highlight=False).print("[bold]note:[/]", escape(" ".join(text.split())))
 
 
-def run(command):
-    """Run a click command; anything wrong with the input is one line on stderr and exit status 2."""
+def run(command, arguments=None):
+    """Run a click command; anything wrong with the input is one line on stderr and exit status 2.
+
+    ``arguments``: list of str; default: the process's own.
+    """
     try:
-        sys.exit(command.main(standalone_mode=False) or 0)
+        sys.exit(command.main(arguments, standalone_mode=False) or 0)
     except click.ClickException as error:
         _fail(error.format_message())
     except InputError as error:

@@ -118,11 +118,10 @@ def core_options(command):
             ),
             click.option(
                 "--top",
-                default="rectify",
-                show_default=True,
-                metavar="NAME",
-                help="Name of the top module; without --camera, _left and _right are appended.",
-            ),
+            metavar="NAME",
+            help="Name of the top module, and of the files; without --camera, _left and _right are appended. "
+            "Default: rectify_left, rectify_right.",
+        ),
             click.option(
                 "--output",
                 type=click.Path(path_type=Path, file_okay=False),
@@ -187,7 +186,8 @@ def build_cores(
 
     ``rectification``: the arguments of `RectificationOptions`.
     """
-    check_top(top)
+    if top is not None:
+        check_top(top)
     if max_error is not None and not (math.isfinite(max_error) and max_error > 0):
         raise InputError("--max-error", None, max_error, "must be a positive number of pixels")
     able = [AUTO, *(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)]
@@ -210,7 +210,7 @@ def build_cores(
         build(
             views[side],
             options,
-            top if camera else f"{top}_{side}",
+            top if camera and top else f"{top or 'rectify'}_{side}",
             lambda step, side=side: progress(f"{side} camera: {step}"),
         )
         for side in ([camera] if camera else SIDES)

@@ -1,0 +1,153 @@
+"""The command line: what it writes, and what it says when it cannot."""
+
+import json
+import re
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+
+from hdl.cli import run
+from hdl.generate import generate
+from hdl.plan import Plan
+from sim.run import simulate
+
+
+@pytest.fixture
+def run_command(capsys):
+    """Runs a command line; gives its exit status, standard output and standard error."""
+
+    def call(command, arguments):
+        with pytest.raises(SystemExit) as end:
+            run(command, arguments.split())
+        return end.value.code, *capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def names(directory):
+    return sorted(path.name for path in directory.iterdir())
+
+
+def test_one_camera_gives_exactly_one_core_and_one_plan(folder, run_command):
+    status, _, err = run_command(generate, "--camera left --datapath proposed --top eye --output out --size 64x48")
+    assert (status, err) == (0, "")
+    assert names(folder / "out") == ["eye.json", "eye.v"]
+    assert "module eye(" in (folder / "out/eye.v").read_text()
+
+
+def test_both_cameras_by_default(folder, run_command):
+    run_command(generate, "--datapath proposed --size 64x48")
+    assert names(folder / "build") == [f"rectify_{side}.{kind}" for side in ("left", "right") for kind in ("json", "v")]
+
+
+def test_the_plan_holds_what_it_promises(folder, run_command):
+    run_command(generate, "--camera right --datapath accumulate --max-error 0.05 --size 160x120 --output out --top t")
+    plan = json.loads((folder / "out/t.json").read_text())
+    assert Plan.model_validate(plan).to_json() == (folder / "out/t.json").read_text()
+    assert (plan["top"], plan["camera"]["side"], plan["width"], plan["height"]) == ("t", "right", 160, 120)
+    assert (plan["datapath"], plan["lens"], plan["max_error_requested"]) == ("accumulate", False, 0.05)
+    assert np.shape(plan["camera"]["K"]) == np.shape(plan["rectification"]["R"]) == (3, 3)
+    assert np.shape(plan["rectification"]["P"]) == (3, 4)
+    assert max(plan["error"][axis]["max"] for axis in "uv") <= 0.05
+    assert plan["error"]["euclidean_max"] >= max(plan["error"][axis]["max"] for axis in "uv")
+    assert all(re.fullmatch(r"U?Q-?\d+\.-?\d+", text) for text in plan["formats"].values())
+    spread = plan["line_buffer"]["d_hi"] - plan["line_buffer"]["d_lo"]
+    assert spread < plan["line_buffer"]["rows"] <= spread + 4
+
+
+def test_auto_says_what_it_considered_and_takes_the_cheapest(folder, run_command):
+    status, out, _ = run_command(generate, "--camera left --size 320x240 --output out --top t")
+    assert status == 0
+    considered = json.loads((folder / "out/t.json").read_text())["considered"]
+    assert considered[0]["datapath"] == "spline" and considered[0]["verdict"] == "chosen"
+    assert "spline" in out and "chosen" in out
+
+
+def test_two_runs_write_the_same_bytes(folder, run_command):
+    for output in ("a", "b"):
+        run_command(generate, f"--camera left --datapath proposed --size 64x48 --output {output}")
+    for name in names(folder / "a"):
+        assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ("nothing.yml", "nothing.yml: cannot be read: No such file or directory"),
+        ("--size 0x480", "--size: 0x480: width and height must be 32 to 8192"),
+        ("--size wide", "--size: wide: must be WIDTHxHEIGHT, for example 640x480"),
+        ("--max-error nan", "--max-error: nan: must be a positive number of pixels"),
+        (
+            "--max-error 0.01",
+            "--max-error: 0.01: rounding to 5 fraction bits alone costs up to 0.015625 px; more --fraction-bits help",
+        ),
+        (
+            "--datapath proposed --max-error 0.1",
+            "--max-error: 0.1: proposed for the left camera reaches 2.93 px and no less",
+        ),
+        (
+            "--datapath proposed --max-line-buffer-kib 1",
+            "--max-line-buffer-kib: 1: the left camera's map bends rows so far that 24 rows are needed, 15 KiB",
+        ),
+        ("--channels 3 --pixel-bits 12", "--pixel-bits: 12: 3 channels have 8 bits each"),
+        ("--border constant:256", "--border: constant:256: does not fit into 8 bits"),
+        ("--border mirror", "--border: mirror: must be constant, constant:VALUE or replicate"),
+        (
+            "--top endmodule",
+            "--top: endmodule: must be a Verilog identifier of up to 64 letters, digits and underscores",
+        ),
+        ("--camera both", "Invalid value for '--camera': 'both' is not one of 'left', 'right'."),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_nothing_is_written(folder, run_command, arguments, message):
+    before = folder / "build" / "rectify_left.v"
+    before.parent.mkdir()
+    before.write_text("kept")
+    status, out, err = run_command(generate, arguments)
+    assert (status, out, err) == (2, "", f"error: {message}\n")
+    assert names(folder / "build") == ["rectify_left.v"] and before.read_text() == "kept"
+
+
+def test_a_lens_is_refused_by_datapaths_that_have_none(folder, run_command):
+    status, _, err = run_command(generate, "--datapath proposed --lens")
+    assert status == 2
+    assert re.fullmatch(r"error: --lens: proposed computes no lens; these do: auto, .*spline.*\n", err)
+
+
+def test_the_module_runs_as_a_command():
+    help_text = subprocess.run(
+        [sys.executable, "-m", "hdl.generate", "--help"], capture_output=True, text=True, check=True
+    ).stdout
+    assert "--max-error" in help_text and "--datapath" in help_text
+
+
+def test_simulation_finds_every_pixel_right_and_writes_pictures(folder, run_command):
+    status, out, err = run_command(simulate, "--size 160x120 --output out --json")
+    assert (status, err) == (0, "")
+    result = json.loads(out)
+    for camera in result["cameras"].values():
+        assert camera["pixels_different_from_model"] == camera["pixels_different_from_cv2_remap"] == 0
+    assert result["row_difference"]["after"]["mean"] < 0.05 < 1 < result["row_difference"]["before"]["mean"]
+    for name in ("left_rectified", "right_rectified", "epipolar_source", "epipolar_rectified"):
+        assert (folder / result["pictures"][name]).stat().st_size > 1000
+
+
+def test_simulation_needs_both_images_of_the_right_size(folder, run_command):
+    cv2.imwrite("small.png", np.zeros((10, 20), np.uint8))
+    (folder / "text.png").write_text("no image")
+    assert run_command(simulate, "--left small.png")[2] == "error: --right: give both images or neither\n"
+    assert run_command(simulate, "--left small.png --right small.png")[2] == (
+        "error: small.png: size = 20x10: the calibration is for 640x480; --size 20x10 scales it\n"
+    )
+    assert run_command(simulate, "--left text.png --right text.png")[2] == (
+        "error: text.png: is not an image that OpenCV can read\n"
+    )
