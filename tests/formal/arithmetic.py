@@ -1,0 +1,179 @@
+"""Accumulators, dividers and the interpolator compute what they name, for all operands and any pauses."""
+
+from amaranth import Module, Mux, Signal
+from amaranth.asserts import AnySeq
+from amaranth.hdl import Assert, Assume, Cover, Elaboratable
+
+from hdl.bilinear import Bilinear
+from hdl.datapaths.divider import Divider
+from hdl.datapaths.linear import Accumulator
+
+from .opened import Opened
+
+
+class AccumulatorProof(Elaboratable):
+    """The accumulator's value is a*x + b*y + c at every position of every frame; so it never overflows.
+
+    Parameters
+    ----------
+    form : LinearForm
+    """
+
+    def __init__(self, form, lemmas=True):
+        self._form, self._lemmas = form, lemmas
+
+    def elaborate(self, platform):
+        m = Module()
+        form = self._form
+        m.submodules.accumulator = accumulator = Accumulator(form)
+        x, y = Signal(range(form.width)), Signal(range(form.height))
+        last_column, last_row = x == form.width - 1, y == form.height - 1
+        m.d.comb += [
+            accumulator.step.eq(AnySeq(1)),
+            accumulator.end_of_line.eq(last_column),
+            accumulator.end_of_frame.eq(last_column & last_row),
+            # Amaranth's sums and products are as wide as they must be.
+            Assert(accumulator.value == form.a * x + form.b * y + form.c, "the value is the linear form's"),
+        ]
+        if self._lemmas:
+            m.d.comb += Assert((x < form.width) & (y < form.height), "lemma: positions are in the frame")
+        with m.If(accumulator.step):
+            m.d.sync += x.eq(Mux(last_column, 0, x + 1))
+            with m.If(last_column):
+                m.d.sync += y.eq(Mux(last_row, 0, y + 1))
+        return m
+
+
+class DividerProof(Elaboratable):
+    """Each quotient is floor(dividend * 2**shift / divisor), ``latency`` enabled clocks after its operands.
+
+    Assumed is what the divider asks of its caller: dividend * 2**shift < divisor * 2**quotient_bits.
+
+    Parameters
+    ----------
+    dividends, divisor_bits, quotient_bits
+        As of `Divider`.
+    """
+
+    def __init__(self, dividends, *, divisor_bits, quotient_bits, lemmas=True):
+        self._dividends, self._stages, self._with_lemmas = dividends, quotient_bits, lemmas
+        self._divider = Divider(dividends, divisor_bits=divisor_bits, quotient_bits=quotient_bits)
+
+    def elaborate(self, platform):
+        m = Module()
+        divider, stages = self._divider, self._stages
+        m.submodules.divider = opened = Opened(divider)
+        m.d.comb += [divider.enable.eq(AnySeq(1)), divider.divisor.eq(AnySeq(len(divider.divisor)))]
+        dividends = [getattr(divider, f"dividend_{i}") for i in range(len(self._dividends))]
+        for dividend, (width, shift) in zip(dividends, self._dividends):
+            m.d.comb += [
+                dividend.eq(AnySeq(width)),
+                Assume((dividend << shift) < (divider.divisor << stages), "the quotient fits"),
+            ]
+
+        operands = [(1, divider.divisor, *dividends)]
+        for stage in range(stages):
+            operands.append(
+                [
+                    Signal.like(operand, name=f"operand_{stage}_{i}")
+                    for i, operand in enumerate((Signal(), *operands[0][1:]))
+                ]
+            )
+            with m.If(divider.enable):
+                m.d.sync += [mine.eq(its) for mine, its in zip(operands[-1], operands[-2])]
+            if self._with_lemmas:
+                self._lemmas(m, opened.registers, stage, *operands[-1])
+
+        valid, divisor, *dividends = operands[-1]
+        for i, (dividend, (_, shift)) in enumerate(zip(dividends, self._dividends)):
+            quotient, scaled = getattr(divider, f"quotient_{i}"), dividend << shift
+            is_floor = (quotient * divisor <= scaled) & (scaled < (quotient + 1) * divisor)
+            m.d.comb += [
+                Assert(~valid | is_floor, f"quotient {i} is the floor"),
+                Cover(valid & (quotient != 0) & (scaled != quotient * divisor), f"division {i} leaves a remainder"),
+            ]
+        return m
+
+    def _lemmas(self, m, registers, stage, valid, divisor, *dividends):
+        """After each stage the quotient's bits so far are those of the dividend's upper bits."""
+        if stage < self._stages - 1:
+            m.d.comb += Assert(~valid | (registers[f"divisor_{stage + 1}"] == divisor), f"lemma: the divisor, {stage}")
+        for i, (dividend, (_, shift)) in enumerate(zip(dividends, self._dividends)):
+            scaled = Signal(self._stages + len(divisor) + 1, name=f"scaled_{i}_{stage}")
+            m.d.comb += scaled.eq(dividend << shift)
+            to_come = self._stages - stage - 1
+            remainder, digits = registers[f"remainder_{i}_{stage}"].as_signed(), registers[f"digits_{i}_{stage}"]
+            restored = remainder + Mux(remainder < 0, divisor, 0)
+            m.d.comb += Assert(
+                ~valid
+                | (restored >= 0)
+                & (restored < divisor)
+                & (digits[: stage + 1] * divisor + restored == scaled >> to_come)
+                & (digits[stage + 1 :] == scaled[:to_come]),
+                f"lemma: digits and remainder {i}, {stage}",
+            )
+
+
+class BilinearProof(Elaboratable):
+    """The pixel is (sum of tap * weight + half) >> 2*fraction_bits, of the taps wherever their banks are.
+
+    Parameters
+    ----------
+    pixel_bits, channels, fraction_bits
+        As of `Bilinear`.
+    """
+
+    def __init__(self, pixel_bits, channels, fraction_bits, lemmas=True):
+        self._lemmas, self._bits, self._channels, self._f = lemmas, pixel_bits, channels, fraction_bits
+        self._bilinear = Bilinear(pixel_bits, channels, fraction_bits)
+
+    def elaborate(self, platform):
+        m = Module()
+        bilinear, f = self._bilinear, self._f
+        m.submodules.bilinear = opened = Opened(bilinear)
+        m.d.comb += bilinear.enable.eq(AnySeq(1))
+        operands = [
+            Signal(1, init=1),
+            bilinear.taps.as_value(),
+            bilinear.fx,
+            bilinear.fy,
+            bilinear.odd_column,
+            bilinear.odd_row,
+        ]
+        m.d.comb += [operand.eq(AnySeq(len(operand))) for operand in operands[1:]]
+        for stage in range(2):
+            before, operands = (
+                operands,
+                [Signal.like(o, name=f"operand_{stage}_{i}", init=0) for i, o in enumerate(operands)],
+            )
+            with m.If(bilinear.enable):
+                m.d.sync += [mine.eq(its) for mine, its in zip(operands, before)]
+            valid, taps, fx, fy, odd_column, odd_row = operands
+            for channel in range(self._channels):
+                rows = []
+                for row in range(2):
+                    even, odd = (
+                        taps.word_select(row * 2 + column, self._bits * self._channels).word_select(channel, self._bits)
+                        for column in range(2)
+                    )
+                    left, right = Mux(odd_column, odd, even), Mux(odd_column, even, odd)
+                    rows.append(left * ((1 << f) - fx) + right * fx)
+                    if stage == 0 and self._lemmas:
+                        m.d.comb += Assert(
+                            ~valid | (opened.registers[f"blended_{channel}_{row}"] == rows[row] + (1 << f >> 1)),
+                            f"lemma: row {row} of channel {channel} is blended",
+                        )
+                if stage == 1:
+                    top, bottom = Mux(odd_row, rows[1], rows[0]), Mux(odd_row, rows[0], rows[1])
+                    total = top * ((1 << f) - fy) + bottom * fy
+                    m.d.comb += Assert(
+                        ~valid
+                        | (bilinear.pixel.word_select(channel, self._bits) == (total + (1 << 2 * f >> 1)) >> 2 * f),
+                        f"channel {channel} is the weighted sum of its taps",
+                    )
+            if stage == 0 and self._lemmas:
+                m.d.comb += Assert(
+                    ~valid | (opened.registers["column_fy"] == fy) & (opened.registers["column_odd_row"] == odd_row),
+                    "lemma: the weight of the rows is one clock behind",
+                )
+        return m

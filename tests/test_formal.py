@@ -1,0 +1,445 @@
+"""Proofs, for all time and all inputs: k-induction over the blocks and over whole cores, by SymbiYosys with Yices.
+
+Each proof is also put to a design with a fault, where it must find a counterexample from reset, and the situations that
+matter are shown to be reachable. FORMAL_FULL_SIZE=1 proves the window at 640x480, too: some minutes.
+"""
+
+import os
+from unittest import mock
+
+import cores
+import pytest
+from amaranth.back import rtlil
+from amaranth.hdl import Assert, Cover, Elaboratable, Module, Signal
+from formal.arithmetic import AccumulatorProof, BilinearProof, DividerProof
+from formal.capture import CaptureProof
+from formal.core import any_core
+from formal.mutant import mutant
+from formal.prove import NotProved, cover, prove, refute
+from formal.streams import FramesProof, StabilityProof, ZeroStallProof
+from formal.window import WindowProof, tag_bits
+
+from hdl.coordinates import Border
+from hdl.datapaths.linear import LinearForm
+from hdl.rectifier import Rectifier
+
+VGA = (640, 480, -11, 14)  # width, height, d_lo, d_hi: about as the embedded rig has them
+FULL_SIZE = pytest.mark.skipif(not os.environ.get("FORMAL_FULL_SIZE"), reason="minutes long: set FORMAL_FULL_SIZE=1")
+
+
+def tagged_core(width, height, d_lo, d_hi, **options):
+    return any_core(width, height, d_lo, d_hi, tag_bits=tag_bits(width, height), **options)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        any_core(8, 6, -1, 1, latency=3),
+        any_core(*VGA, latency=24, warm_up=16),
+        cores.parameters("accumulate", channels=3),
+    ],
+    ids=["any datapath", "any datapath, 640x480", "accumulate"],
+)
+def test_beats_stay_until_they_are_taken(parameters, tmp_path):
+    prove(StabilityProof(parameters), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "window, options",
+    [
+        ((5, 6, -1, 1), {}),
+        ((3, 5, -1, 1), {}),
+        ((6, 6, -1, 1), {"reach": 0}),
+        ((8, 7, -1, 2), {"latency": 3, "warm_up": 5}),
+        ((8, 7, -1, 2), {"latency": 4, "border": Border("replicate")}),
+        ((8, 7, 2, 3), {"latency": 3, "border": Border("constant", 200)}),
+        ((8, 7, -3, -2), {}),
+        ((6, 6, 4, 4), {"latency": 1}),
+        ((6, 5, -4, 3), {"latency": 1}),
+        pytest.param(VGA, {}, marks=FULL_SIZE),
+        pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
+    ],
+    ids=str,
+)
+def test_windows_hold_the_wanted_pixels_whatever_the_streams_do(window, options, tmp_path):
+    prove(WindowProof(tagged_core(*window, **options), lemmas=True), tmp_path)
+
+
+def test_windows_hold_the_wanted_pixels_from_memories_in_slices(tmp_path):
+    with mock.patch("hdl.linebuffer.STACKED", 0):
+        proof = WindowProof(tagged_core(6, 5, -1, 1), lemmas=True)
+        assert len(proof.core.bank(0, 0)) == 8
+        prove(proof, tmp_path)
+
+
+def test_windows_are_read_in_all_situations(tmp_path):
+    cover(WindowProof(tagged_core(3, 4, -1, 1), covers=True), tmp_path, 20)
+
+
+@pytest.mark.parametrize(
+    "window, options",
+    [
+        ((8, 6, -1, 1), {"latency": 3}),
+        ((3, 3, 0, 1), {}),
+        ((8, 7, -4, 0), {"warm_up": 7}),
+        ((5, 9, -8, 7), {}),
+        ((9, 5, 2, 3), {"latency": 6}),
+        (VGA, {"latency": 24, "warm_up": 16}),
+    ],
+    ids=str,
+)
+def test_input_never_stalls_while_the_output_is_ready(window, options, tmp_path):
+    prove(ZeroStallProof(any_core(*window, **options)), tmp_path)
+
+
+def test_frames_come_in_back_to_back(tmp_path):
+    cover(ZeroStallProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 28)
+
+
+@pytest.mark.parametrize(
+    "window, options",
+    [
+        ((8, 6, -1, 1), {"latency": 3}),
+        ((3, 3, 0, 1), {}),
+        ((7, 5, -2, 3), {"warm_up": 6}),
+        ((32, 24, -4, 5), {"latency": 9}),
+        pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
+    ],
+    ids=str,
+)
+def test_every_frame_drains_and_no_beat_waits_for_ever(window, options, tmp_path):
+    prove(FramesProof(any_core(*window, **options)), tmp_path)
+
+
+def test_a_frame_may_take_as_long_as_the_bound_says(tmp_path):
+    cover(FramesProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 28)
+
+
+@pytest.mark.parametrize("width, height", [(5, 3), (640, 480)])
+def test_capture_gives_out_whole_frames_whatever_comes_in(width, height, tmp_path):
+    prove(CaptureProof(width, height), tmp_path)
+
+
+def test_capture_meets_every_kind_of_broken_frame(tmp_path):
+    cover(CaptureProof(3, 2, lemmas=False), tmp_path, 8)
+
+
+# The smallest or largest values of these are those of their formats, in each corner of the frame.
+@pytest.mark.parametrize("a, b, c", [(1, 16, -128), (-1, 16, -113), (1, -16, 112), (-1, -16, 127), (-1, -16, 255)])
+def test_accumulators_follow_their_form_to_the_ends_of_its_format(a, b, c, tmp_path):
+    form = LinearForm(a, b, c, 0, 16, 16)
+    assert form.format.width == 8
+    prove(AccumulatorProof(form), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "dividends, bits",
+    [
+        ([(5, 1), (4, 0)], {"divisor_bits": 4, "quotient_bits": 5}),
+        ([(6, 2)], {"divisor_bits": 5, "quotient_bits": 6}),
+    ],
+    ids=str,
+)
+def test_quotients_are_floors(dividends, bits, tmp_path):
+    prove(DividerProof(dividends, **bits), tmp_path)
+
+
+def test_divisions_leave_remainders(tmp_path):
+    cover(DividerProof([(5, 1), (4, 0)], divisor_bits=4, quotient_bits=5, lemmas=False), tmp_path, 8)
+
+
+@pytest.mark.parametrize("pixel_bits, channels, fraction_bits", [(3, 1, 2), (2, 3, 3)])
+def test_pixels_are_the_weighted_sums_of_their_taps(pixel_bits, channels, fraction_bits, tmp_path):
+    prove(BilinearProof(pixel_bits, channels, fraction_bits), tmp_path)
+
+
+def stability():
+    return StabilityProof(any_core(4, 4, 0, 1))
+
+
+def zero_stall():
+    return ZeroStallProof(any_core(3, 3, 0, 1), lemmas=False)
+
+
+def frames():
+    return FramesProof(any_core(3, 3, 0, 1), lemmas=False)
+
+
+def capture():
+    return CaptureProof(3, 2, lemmas=False)
+
+
+def windows(*window, steady=True, **options):
+    return lambda: WindowProof(tagged_core(*window, reach=1, **options), steady=steady)
+
+
+def accumulator(*form):
+    return lambda: AccumulatorProof(LinearForm(*form), lemmas=False)
+
+
+def divider():
+    return DividerProof([(5, 1), (4, 0)], divisor_bits=4, quotient_bits=5, lemmas=False)
+
+
+def bilinear():
+    return BilinearProof(3, 1, 2, lemmas=False)
+
+
+# Module, text, faulty text, proof, clocks, assertion that fails.
+FAULTS = {
+    "the pipeline moves while a beat waits": (
+        "hdl.rectifier",
+        "enable.eq(~self.m_axis_tvalid | self.m_axis_tready)",
+        "enable.eq(1)",
+        stability,
+        12,
+        "m_axis: tdata, tuser and tlast stay until tready",
+    ),
+    "the last register moves while a beat waits": (
+        "hdl.bilinear",
+        "with m.If(self.enable):\n                m.d.sync += self.pixel",
+        "with m.If(1):\n                m.d.sync += self.pixel",
+        stability,
+        12,
+        "m_axis: tdata, tuser and tlast stay until tready",
+    ),
+    "rows are written one row too early": (
+        "hdl.flow",
+        "ahead != self._lead + 2",
+        "ahead != self._lead + 3",
+        windows(3, 4, 0, 1, steady=False),
+        10,
+        "tap (0, 0) is not read while it is written",
+    ),
+    "rows are read one row too early": (
+        "hdl.flow",
+        "(ahead > self._lead)",
+        "(ahead >= self._lead)",
+        windows(3, 5, -1, 1),
+        10,
+        "tap (1, 0) is read from a complete row",
+    ),
+    "one row too few is kept": (
+        "hdl.coordinates",
+        "spread + 3 + (spread + 3) % 2",
+        "spread + 2 + (spread + 2) % 2",
+        windows(3, 5, -1, 1),
+        20,
+        "tap (1, 0) is not read while it is written",
+    ),
+    "the ring is read one slot too far": (
+        "hdl.linebuffer",
+        "unwrapped >= p.rows,",
+        "unwrapped > p.rows,",
+        windows(3, 5, -1, 1),
+        14,
+        "tap (1, 1) is the wanted pixel",
+    ),
+    "the lower row wraps one slot too late": (
+        "hdl.linebuffer",
+        "slot == p.rows - 1, 0,",
+        "slot == p.rows, 0,",
+        windows(3, 5, -1, 1),
+        14,
+        "tap (1, 1) is the wanted pixel",
+    ),
+    "the ring is written one slot too far": (
+        "hdl.linebuffer",
+        "base == (p.rows // 2 - 1) * p.pitch",
+        "base == p.rows // 2 * p.pitch",
+        windows(3, 5, -1, 1),
+        30,
+        "tap (1, 1) is the wanted pixel",
+    ),
+    "the offset forgets that a frame ended": (
+        "hdl.linebuffer",
+        "Mux(self.end_of_frame, p.height % 2**bits, 0)",
+        "0",
+        windows(3, 5, -1, 1),
+        30,
+        "tap (1, 1) is not read while it is written",
+    ),
+    "the offset does not wait for the datapath": (
+        "hdl.rectifier",
+        "issue & raster.end_of_line, to_window",
+        "issue & raster.end_of_line, 0",
+        windows(4, 5, -1, 1, latency=1),
+        24,
+        "tap (1, 0) is the wanted pixel",
+    ),
+    "warming up counts as a row": (
+        "hdl.rectifier",
+        "flow.row_issued.eq(issue",
+        "flow.row_issued.eq(step",
+        windows(4, 5, -1, 1, warm_up=2),
+        10,
+        "tap (0, 0) is read from a complete row",
+    ),
+    "missing lines are declared while the buffer is full": (
+        "hdl.capture",
+        "(missing_lines & self.may_write)",
+        "missing_lines",
+        windows(3, 4, 0, 1, steady=False),
+        10,
+        "tap (0, 0) is not read while it is written",
+    ),
+    "a pixel beyond the line is written": (
+        "hdl.capture",
+        "self.x != self._width",
+        "self.x != self._width + 1",
+        windows(4, 4, 0, 1, steady=False),
+        12,
+        "tap (0, 0) is not read while it is written",
+    ),
+    "rows are written one row too late": (
+        "hdl.flow",
+        "ahead != self._lead + 2",
+        "ahead != self._lead + 1",
+        zero_stall,
+        12,
+        "s_axis_tready is high",
+    ),
+    "rows are read one row too late": (
+        "hdl.flow",
+        "(ahead > self._lead)",
+        "(ahead > self._lead + 1)",
+        zero_stall,
+        14,
+        "s_axis_tready is high",
+    ),
+    "the last rows wait for the next frame": (
+        "hdl.flow",
+        " | complete",
+        "",
+        frames,
+        24,
+        "a frame drains in time",
+    ),
+    "tlast is one beat early": (
+        "hdl.rectifier",
+        "raster.end_of_line, to_output",
+        "raster.end_of_line, to_output - 1",
+        frames,
+        14,
+        "m_axis: tlast on a line's last beat only",
+    ),
+    "missing lines are waited for": (
+        "hdl.capture",
+        " | (missing_lines & self.may_write)",
+        "",
+        frames,
+        24,
+        "a beat does not wait for ever",
+    ),
+    "the last pixel of a line is dropped": (
+        "hdl.capture",
+        "self.x != self._width",
+        "self.x != self._width - 1",
+        capture,
+        8,
+        "no pixel of a frame's line is lost",
+    ),
+    "a frame that lacks lines does not end": (
+        "hdl.capture",
+        "with m.If(self.frame_written):",
+        "with m.If(self.frame_written & ~missing_lines):",
+        capture,
+        8,
+        "any other beat waits only until a row may be written",
+    ),
+    "a row starts one column off": (
+        "hdl.datapaths.linear",
+        "(form.width - 1) * form.a",
+        "form.width * form.a",
+        accumulator(3, 5, -8, 0, 5, 4),
+        10,
+        "the value is the linear form's",
+    ),
+    "a format is one bit short": (
+        "hdl.datapaths.linear",
+        "min(corners), max(corners)",
+        "min(corners) + 1, max(corners)",
+        accumulator(-1, -4, -1, 0, 5, 4),
+        24,
+        "the value is the linear form's",
+    ),
+    "a subtraction has no carry": (
+        "hdl.datapaths.divider",
+        "Cat(subtract, operand)",
+        "Cat(0, operand)",
+        divider,
+        8,
+        "quotient 0 is the floor",
+    ),
+    "the rows' weights are not exchanged": (
+        "hdl.bilinear",
+        "weight[i] ^ swapped",
+        "weight[i]",
+        bilinear,
+        6,
+        "channel 0 is the weighted sum of its taps",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_found(fault, tmp_path):
+    module, text, faulty, proof, clocks, assertion = FAULTS[fault]
+    with mutant(module, text, faulty):
+        failed = refute(proof(), tmp_path, clocks)
+    # The solver may name any of the taps that are wrong.
+    assert {name.partition(")")[2] or name for name in failed} & {assertion.partition(")")[2] or assertion}
+
+
+@pytest.mark.parametrize(
+    "proof",
+    [
+        stability,
+        zero_stall,
+        frames,
+        capture,
+        divider,
+        windows(3, 5, -1, 1),
+        accumulator(3, 5, -8, 0, 5, 4),
+    ],
+    ids=lambda proof: proof.__qualname__.partition(".")[0],
+)
+def test_without_a_fault_none_is_found(proof, tmp_path):
+    with pytest.raises(NotProved, match="no assertion fails within 8 clocks"):
+        refute(proof(), tmp_path, 8)
+
+
+class Count(Elaboratable):
+    """A counter to six, and what the test says of it."""
+
+    def __init__(self, *statements):
+        self._statements = statements
+
+    def elaborate(self, platform):
+        m, count = Module(), Signal(3)
+        m.d.sync += count.eq(count + (count != 6))
+        m.d.comb += [kind(fact(count), message) for kind, fact, message in self._statements]
+        return m
+
+
+def test_what_is_not_proved_is_named(tmp_path):
+    six, five = (Assert, lambda count: count <= 6, "six"), (Assert, lambda count: count <= 5, "five")
+    seven = Cover, lambda count: count == 7, "seven"
+    assert prove(Count(six), tmp_path / "six").status == "PASS"
+    with pytest.raises(NotProved, match=r"^five \(6 clocks after reset; .*five\)$"):
+        prove(Count(six, five), tmp_path / "five", depth=8)
+    with pytest.raises(NotProved, match=r"^not two \(induction step; .*not-two\)$"):
+        prove(Count((Assert, lambda count: count[1:] != 3, "not two")), tmp_path / "not-two")
+    with pytest.raises(NotProved, match=r"^out of reach within 9 clocks: seven \("):
+        cover(Count(six, seven, (Cover, lambda count: count == 6, "reached")), tmp_path / "seven", 9)
+    with pytest.raises(ValueError, match="needs a message"):
+        prove(Count((Assert, lambda count: count <= 6, "")), tmp_path / "nameless")
+    with (
+        pytest.raises(ValueError, match="^hdl.flow: 'no such text' occurs 0 times, not once$"),
+        mutant("hdl.flow", "no such text", ""),
+    ):
+        pass
+
+
+def test_no_assertion_reaches_a_core():
+    assert "$check" not in rtlil.convert(Rectifier(cores.parameters()), emit_src=False)
