@@ -36,7 +36,10 @@ def test_a_wider_budget_narrows_the_divider(name):
 def test_a_budget_below_the_rounding_is_refused(name, max_error):
     with pytest.raises(InputError) as caught:
         DATAPATHS[name].fit(rigs.view("samples"), 5, max_error)
-    assert str(caught.value) == (f"--max-error: {max_error}: rounding to 5 fraction bits alone costs up to 0.015625 px")
+    assert str(caught.value) == (
+        f"--max-error: {max_error}: rounding to 5 fraction bits alone costs up to 0.015625 px; "
+        "more --fraction-bits help"
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
