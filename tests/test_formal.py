@@ -35,10 +35,9 @@ def tagged_core(width, height, d_lo, d_hi, **options):
     "parameters",
     [
         any_core(8, 6, -1, 1, latency=3),
-        any_core(*VGA, latency=24, warm_up=16),
         cores.parameters("accumulate", channels=3),
     ],
-    ids=["any datapath", "any datapath, 640x480", "accumulate"],
+    ids=["any datapath", "accumulate"],
 )
 def test_beats_stay_until_they_are_taken(parameters, tmp_path):
     prove(StabilityProof(parameters), tmp_path)
@@ -48,14 +47,13 @@ def test_beats_stay_until_they_are_taken(parameters, tmp_path):
     "window, options",
     [
         ((5, 6, -1, 1), {}),
-        ((3, 5, -1, 1), {}),
-        ((6, 6, -1, 1), {"reach": 0}),
-        ((8, 7, -1, 2), {"latency": 3, "warm_up": 5}),
-        ((8, 7, -1, 2), {"latency": 4, "border": Border("replicate")}),
-        ((8, 7, 2, 3), {"latency": 3, "border": Border("constant", 200)}),
-        ((8, 7, -3, -2), {}),
-        ((6, 6, 4, 4), {"latency": 1}),
-        ((6, 5, -4, 3), {"latency": 1}),
+        ((4, 4, -1, 1), {"reach": 0}),
+        ((7, 7, -1, 2), {"latency": 3, "warm_up": 5}),
+        ((5, 5, -1, 2), {"latency": 2, "border": Border("replicate")}),
+        ((6, 7, 2, 3), {"latency": 2, "border": Border("constant", 200)}),
+        ((5, 5, -3, -2), {}),
+        ((5, 5, 3, 3), {"latency": 1}),
+        ((4, 4, -3, 2), {"latency": 1}),
         pytest.param(VGA, {}, marks=FULL_SIZE),
         pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
     ],
@@ -67,7 +65,7 @@ def test_windows_hold_the_wanted_pixels_whatever_the_streams_do(window, options,
 
 def test_windows_hold_the_wanted_pixels_from_memories_in_slices(tmp_path):
     with mock.patch("hdl.linebuffer.STACKED", 0):
-        proof = WindowProof(tagged_core(6, 5, -1, 1), lemmas=True)
+        proof = WindowProof(tagged_core(4, 4, -1, 1), lemmas=True)
         assert len(proof.core.bank(0, 0)) == 8
         prove(proof, tmp_path)
 
@@ -132,6 +130,11 @@ def test_accumulators_follow_their_form_to_the_ends_of_its_format(a, b, c, tmp_p
     prove(AccumulatorProof(form), tmp_path)
 
 
+@pytest.mark.parametrize("axis", ["u_form", "v_form"])
+def test_accumulators_of_a_fitted_datapath_never_overflow(axis, tmp_path):
+    prove(AccumulatorProof(getattr(cores.parameters().datapath, axis)), tmp_path)
+
+
 @pytest.mark.parametrize(
     "dividends, bits",
     [
@@ -148,7 +151,7 @@ def test_divisions_leave_remainders(tmp_path):
     cover(DividerProof([(5, 1), (4, 0)], divisor_bits=4, quotient_bits=5, lemmas=False), tmp_path, 8)
 
 
-@pytest.mark.parametrize("pixel_bits, channels, fraction_bits", [(3, 1, 2), (2, 3, 3)])
+@pytest.mark.parametrize("pixel_bits, channels, fraction_bits", [(3, 1, 2), (1, 3, 3)])
 def test_pixels_are_the_weighted_sums_of_their_taps(pixel_bits, channels, fraction_bits, tmp_path):
     prove(BilinearProof(pixel_bits, channels, fraction_bits), tmp_path)
 
@@ -389,24 +392,6 @@ def test_a_fault_is_found(fault, tmp_path):
         failed = refute(proof(), tmp_path, clocks)
     # The solver may name any of the taps that are wrong.
     assert {name.partition(")")[2] or name for name in failed} & {assertion.partition(")")[2] or assertion}
-
-
-@pytest.mark.parametrize(
-    "proof",
-    [
-        stability,
-        zero_stall,
-        frames,
-        capture,
-        divider,
-        windows(3, 5, -1, 1),
-        accumulator(3, 5, -8, 0, 5, 4),
-    ],
-    ids=lambda proof: proof.__qualname__.partition(".")[0],
-)
-def test_without_a_fault_none_is_found(proof, tmp_path):
-    with pytest.raises(NotProved, match="no assertion fails within 8 clocks"):
-        refute(proof(), tmp_path, 8)
 
 
 class Count(Elaboratable):

@@ -115,7 +115,7 @@ def run(design, mode, depth, folder):
                 for path in re.findall(r"(?:Assert failed in|Unreached cover statement at) top: (\S+)", log)
             )
         ),
-        step=min(steps, default=None),
+        step=min(steps, default=0) if done.group(1) == "FAIL" else None,  # the first clock is not named
         reached={
             message(path): int(step)
             for step, path in re.findall(r"Reached cover statement in step (\d+) at top: (\S+)", log)

@@ -268,8 +268,8 @@ class ExpectedTap:
 
 
 def row_number_bits(height):
-    """Bits in which rows are numbered: through four frames at least, which is more than a buffer can hold."""
-    return ceil_log2(4 * height)
+    """Bits in which rows are numbered: half the numbers are more rows than a buffer holds, 2 * height + 1 at most."""
+    return ceil_log2(4 * height + 4)
 
 
 def tag_bits(width, height):
