@@ -90,6 +90,18 @@ def orbslam(entries=ORBSLAM):
     return "\n".join(lines) + "\n"
 
 
+def orbslam3(size, cameras, T_c1_c2, lens="KannalaBrandt8", changes=()):
+    """``cameras``: dicts with intrinsics and D, the coefficients in ORB-SLAM3's order."""
+    names = ("k1", "k2", "k3", "k4") if lens == "KannalaBrandt8" else ("k1", "k2", "p1", "p2", "k3")
+    entries = {"File.version": '"1.0"', "Camera.type": f'"{lens}"'}
+    for number, camera in enumerate(cameras, start=1):
+        values = [*zip(("fx", "fy", "cx", "cy"), camera["intrinsics"]), *zip(names, camera["D"])]
+        entries |= {f"Camera{number}.{name}": value for name, value in values}
+    entries |= {"Camera.width": size[0], "Camera.height": size[1], "Camera2.overlappingEnd": size[0] - 1}
+    entries["Stereo.T_c1_c2"] = f"!!opencv-matrix\n  rows: 4\n  cols: 4\n  dt: f\n  data: {np.ravel(T_c1_c2).tolist()}"
+    return "\n".join(["%YAML:1.0\n", *(f"{key}: {value}" for key, value in (entries | dict(changes)).items())]) + "\n"
+
+
 def mynt(*blocks):
     """Of blocks ((width, height), "pinhole" or "equidistant", left, right)."""
     lines = ['%YAML:1.0\n---\nversion: "1.2"\nimg_params:']
@@ -169,6 +181,9 @@ def _mynt(model):
     return {f"img.params.{model}": mynt((MYNT["size"], model, *MYNT[model]))}
 
 
+# From the right camera to the left one.
+TUM_VI_C1_C2 = np.array(TUM_VI["cameras"][0]["T_cam_imu"]) @ np.linalg.inv(TUM_VI["cameras"][1]["T_cam_imu"])
+
 _euroc = ASL["euroc"]
 _imu_cam = [{"T_imu_cam": camera["T_BS"], "intrinsics": camera["intrinsics"], "D": camera["D"]}
             for camera in _euroc["cameras"]]  # fmt: skip
@@ -194,6 +209,7 @@ RIGS = {
     "tum_vi": Files({"chain.yaml": kalibr(TUM_VI["size"], TUM_VI["cameras"], TUM_VI["lens"],
                                           header="%YAML:1.0 # need to specify the file type at the top!\n")},
                     ("tum_vi/kalibr_imucam_chain.yaml",)),
+    "tum_vi_orbslam3": Files({"TUM-VI.yaml": orbslam3(TUM_VI["size"], TUM_VI["cameras"], TUM_VI_C1_C2)}),
     "unlook_1280": Files({"unlook_1280.yaml": opencv(UNLOOK_1280, (1280, 720))},
                          ("unlook_1280/calib-matlab-complete-export.yaml",)),
     "unlook_1456": Files({"unlook_1456.yaml": opencv(UNLOOK_1456, (1456, 1088))},

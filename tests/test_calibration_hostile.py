@@ -29,6 +29,7 @@ FUZZ = settings(
 TEXTS = {
     "ros": "ps4eye", "euroc": "mynteye_s_jpl", "kalibr": "tum_vi", "kitti": "kitti", "depthai": "oakd", "zed": "zed",
     "mynt": "mynteye_s1030_pinhole", "mynt_fisheye": "mynteye_s1030_equidistant", "orbslam": "euroc_orbslam",
+    "orbslam3": "tum_vi_orbslam3",
 }  # fmt: skip
 TOKENS = [
     "", "nan", ".nan", "-.inf", "1e308", "-1e308", "1e-308", "9" * 400, "0", "-1", "1e999", "0x10", "1_000", "１",
@@ -145,6 +146,7 @@ HOSTILE = {
     "mynt": ["img_params: { ? [ 1 ] : 2 }", "img_params: " + "[" * 500_000,
              "img_params:\n" + "   - {model: 0, width: 640, height: 400}\n" * 4_000],
     "orbslam": [ALIASES + "LEFT.K: *k", "LEFT.K: !!opencv-matrix\n  rows: 9999999999\n  cols: 1\n  data: [ 1 ]"],
+    "orbslam3": [ALIASES + "Camera1.fx: *k\nCamera2.fx: *k", "Camera1.fx: 1\nCamera2.fx: " + "[" * 300_000],
 }  # fmt: skip
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from calibration_files import refusal, write
-from format_files import RIGS, euroc, kalibr, kitti, orbslam, ros
+from format_files import RIGS, TUM_VI_C1_C2, euroc, kalibr, kitti, orbslam, orbslam3, ros
 from rig_numbers import ASL, KITTI, ORBSLAM, ROS, TUM_VI
 
 from hdl.calibration import load
@@ -284,3 +284,30 @@ class TestOrbslam:
     ])  # fmt: skip
     def test_bad_fields_are_named(self, change, message):
         assert refusal(write(orbslam(ORBSLAM | change))).startswith(f"rig.yml: {message}")
+
+
+class TestOrbslam3:
+    def test_t_c1_c2_is_where_the_right_camera_stands(self):
+        rig = load(write(orbslam3(TUM_VI["size"], TUM_VI["cameras"], TUM_VI_C1_C2)))
+        chain = load(write(kalibr(TUM_VI["size"], TUM_VI["cameras"], TUM_VI["lens"])))
+        assert np.abs(rig.R - chain.R).max() < 1e-12 and np.abs(rig.T - chain.T).max() < 1e-12
+        assert rig.right.D.tolist() == TUM_VI["cameras"][1]["D"]
+
+    @pytest.mark.parametrize("count", [0, 4, 5])
+    def test_pinhole_cameras_have_no_four_or_five_coefficients(self, count):
+        cameras = [{**camera, "D": camera["D"][:count]} for camera in ASL["euroc"]["cameras"]]
+        cameras[0]["D"] = [*cameras[0]["D"], 0.01][:count]
+        cameras[1]["D"] = [*cameras[1]["D"], 0.01][:count]
+        rig = load(write(orbslam3(ASL["euroc"]["size"], cameras, TUM_VI_C1_C2, "PinHole")))
+        assert rig.left.model == "radtan" and rig.left.D.tolist() == cameras[0]["D"]
+        assert rig.right.K[0].tolist() == [cameras[1]["intrinsics"][0], 0, cameras[1]["intrinsics"][2]]
+
+    @pytest.mark.parametrize("change, message", [
+        ({"Camera.type": '"Rectified"'}, "Camera.type = Rectified: PinHole and KannalaBrandt8 are understood"),
+        ({"Camera2.k4": "many"}, "Camera2.k4 = many: not a finite number"),
+        ({"Camera.width": 0}, "Camera.width, Camera.height = 0x512: an image size must lie between"),
+        ({"Stereo.T_c1_c2": [1, 2]}, "Stereo.T_c1_c2 = 2 values: 16 numbers are needed"),
+    ])  # fmt: skip
+    def test_bad_fields_are_named(self, change, message):
+        text = orbslam3(TUM_VI["size"], TUM_VI["cameras"], TUM_VI_C1_C2, changes=change)
+        assert refusal(write(text)).startswith(f"rig.yml: {message}")

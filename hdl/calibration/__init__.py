@@ -26,6 +26,7 @@ from hdl.calibration import (
     omnidirectional,
     opencv,
     orbslam,
+    orbslam3,
     ros,
     suspicions,
     zed,
@@ -37,7 +38,7 @@ from hdl.errors import InputError
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's comes last: others are written in its YAML too.
-FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, mynt, orbslam, bouguet, matlab, opencv)
+FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, mynt, orbslam, orbslam3, bouguet, matlab, opencv)
 
 _EMBEDDED = "opencv_samples.yml"
 

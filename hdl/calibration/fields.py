@@ -1,5 +1,7 @@
 """Named entries of a file, with refusals that name the file, the entry and what was found there."""
 
+import math
+
 import numpy as np
 
 from hdl.calibration import checks
@@ -48,7 +50,10 @@ class Fields:
         return Fields(self.where, self.get(key), self.name(key))
 
     def number(self, key) -> float:
-        return float(checks.array(self.where, self.name(key), [self.get(key)], (1,))[0])
+        value = self.get(key)
+        if not checks.is_number(value) or not math.isfinite(value):
+            raise self.fault(key, value, "not a finite number")
+        return float(value)
 
     def matrix(self, key, *shape: int) -> np.ndarray:
         """float64 of ``shape``, from a flat list in row order, from a list of rows, or from rows, cols and data."""
