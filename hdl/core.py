@@ -4,12 +4,15 @@ import dataclasses
 import hashlib
 from dataclasses import dataclass
 
+import numpy as np
+
 from hdl import verilog
 from hdl.coordinates import Border
 from hdl.datapaths import DATAPATHS
 from hdl.errors import BudgetError, InputError
 from hdl.plan import PLAN_VERSION, Plan
 from hdl.rectifier import Rectifier, RectifierParameters
+from hdl.row_minimisation import loss
 from hdl.selection import choose
 
 AUTO = "auto"
@@ -122,10 +125,17 @@ def build(view, options, top, progress=lambda step: None):
             "K": view.camera.K.tolist(),
             "D": view.camera.D.tolist(),
         },
-        rectification={"R": view.R.tolist(), "P": view.P.tolist()},
+        rectification={
+            "R": view.R.tolist(),
+            "P": view.P.tolist(),
+            "unit": view.unit,
+            "origin": view.origin,
+            "minimised": view.before and _minimised(view),
+        },
         width=view.width,
         height=view.height,
         lens=view.lens,
+        distortion_dropped=None if view.lens else _dropped(view),
         datapath=datapath.name,
         fraction_bits=options.fraction_bits,
         pixel_bits=options.pixel_bits,
@@ -148,6 +158,18 @@ def build(view, options, top, progress=lambda step: None):
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
     return Core(parameters, exact, text, plan)
+
+
+def _minimised(view):
+    lost = loss({view.side: view.before}, {view.side: view})
+    return {"rows_before": view.before.window.rows, "rows_after": view.window.rows, "lost": lost}
+
+
+def _dropped(view):
+    if not view.camera.D.any():
+        return None
+    magnitudes = (np.abs(shift) for shift in view.distortion)
+    return {axis: {"mean": shift.mean(), "max": shift.max()} for axis, shift in zip("uv", magnitudes)}
 
 
 def _header(top, view, datapath, options):

@@ -18,7 +18,7 @@ from hdl.cost import GOALS
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, rectify
-from hdl.rectification_notes import notes
+from hdl.rectification_notes import notes, warnings
 
 SIDES = ("left", "right")
 # Words that are identifiers to a regular expression but not to a Verilog tool.
@@ -118,10 +118,10 @@ def core_options(command):
             ),
             click.option(
                 "--top",
-            metavar="NAME",
-            help="Name of the top module, and of the files; without --camera, _left and _right are appended. "
-            "Default: rectify_left, rectify_right.",
-        ),
+                metavar="NAME",
+                help="Name of the top module, and of the files; without --camera, _left and _right are appended. "
+                "Default: rectify_left, rectify_right.",
+            ),
             click.option(
                 "--output",
                 type=click.Path(path_type=Path, file_okay=False),
@@ -204,7 +204,7 @@ def build_cores(
     if choices.minimise:
         progress("rectification with the fewest rows")
     views = rectify(rig, choices, lens=datapath in able if lens is None else lens)
-    for text in (*rig.warnings, *notes(rig, choices, views)):
+    for text in (*warnings(rig, views), *notes(rig, choices, views)):
         note(text)
     return [
         build(
@@ -255,6 +255,12 @@ def considered(plan):
     return table
 
 
+def dropped(plan):
+    """How far the lens that was left out moves pixels, in words."""
+    size = plan.distortion_dropped
+    return f"{size.u.max:.1f}, {size.v.max:.1f} px" if size else "no lens"
+
+
 def summary(cores, directory):
     """A table of what was built."""
     plans = [core.plan for core in cores]
@@ -274,6 +280,11 @@ def summary(cores, directory):
                 ],
             ),
             ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
+            *(
+                [("lens left out, up to", [dropped(plan) for plan in plans])]
+                if any(plan.distortion_dropped for plan in plans)
+                else []
+            ),
             ("coordinate error u, v: mean", [f"{plan.error.u.mean:.4f}, {plan.error.v.mean:.4f} px" for plan in plans]),
             ("coordinate error u, v: max", [f"{plan.error.u.max:.4f}, {plan.error.v.max:.4f} px" for plan in plans]),
         ],

@@ -27,11 +27,24 @@ class CameraEntry(_Entry):
     D: list[float]
 
 
+class MinimisedEntry(_Entry):
+    """Source rows that the float64 map needs before and after the rectification was chosen for few; the share of the
+    view that this cost."""
+
+    rows_before: int
+    rows_after: int
+    lost: float
+
+
 class RectificationEntry(_Entry):
-    """R rotates the camera's frame into the rectified one, P projects that to rectified px."""
+    """R rotates the camera's frame into the rectified one, P projects that to rectified px, the baseline in it in
+    ``unit``."""
 
     R: Matrix3x3
     P: Matrix3x4
+    unit: Literal["m"] | None
+    origin: str
+    minimised: MinimisedEntry | None
 
 
 class BorderEntry(_Entry):
@@ -54,7 +67,7 @@ class Statistics(_Entry):
     max: float
 
 
-class RoundedEntry(_Entry):
+class AxesEntry(_Entry):
     u: Statistics
     v: Statistics
 
@@ -66,7 +79,7 @@ class ErrorEntry(_Entry):
     v: Statistics
     euclidean_max: float
     pixels: int
-    rounded: RoundedEntry
+    rounded: AxesEntry
 
 
 class CostEntry(_Entry):
@@ -89,7 +102,11 @@ class ConsideredEntry(_Entry):
 
 
 class Plan(_Entry):
-    """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned)."""
+    """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned).
+
+    ``distortion_dropped`` is what a core without the lens leaves out: how far the lens moves the source of a pixel;
+    null where nothing is left out.
+    """
 
     plan_version: Literal[1] = PLAN_VERSION
     top: str
@@ -98,6 +115,7 @@ class Plan(_Entry):
     width: int
     height: int
     lens: bool
+    distortion_dropped: AxesEntry | None
     datapath: str
     fraction_bits: int
     pixel_bits: int

@@ -1,7 +1,7 @@
 """The rectification of a rig: which rotations and which common projection turn two cameras into a row-aligned pair."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -95,17 +95,27 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
         rectification = _computed(rig, options)
         geometry = [_larger_turn(rig)] * 2
     views = {
-        side: View(side, rig.camera(side), *rectification[side], rig.width, rig.height, lens, culprit, rig.fault)
+        side: View(
+            side, rig.camera(side), *rectification[side], rig.width, rig.height, lens,
+            origin=_origin(rig, options), unit=rig.unit, geometry=culprit, fault=rig.fault,
+        )
         for side, culprit in zip(SIDES, geometry)
-    }
+    }  # fmt: skip
     for view in views.values():
         if not view.nearest() > 0:
             problem = f"the rectified frame reaches behind the {view.side} camera (z = {view.nearest():.3g})"
             raise rig.fault(*view.geometry, problem)
     if options.minimise:
         focal = options.focal is None and options.fov is None
-        return minimise_rows(views, options.max_fov_loss, center=options.center is None, focal=focal)
+        fewest = minimise_rows(views, options.max_fov_loss, center=options.center is None, focal=focal)
+        return {side: replace(view, before=views[side]) for side, view in fewest.items()}
     return views
+
+
+def _origin(rig, options):
+    if rig.rectification and not options.given:
+        return "the file's own"
+    return f"computed, {', '.join(options.given) or 'default'}"
 
 
 def _option(name):

@@ -1,22 +1,14 @@
-"""What is to be said of a rectification: where it comes from, what was changed, and whether rows agree."""
-
-from dataclasses import replace
+"""What is to be said of a rectification: what was changed, how much of the frame it fills, and whether rows agree."""
 
 import numpy as np
 
 from hdl.calibration.rig import SIDES, Rig
-from hdl.rectification import RectificationOptions, rectify
+from hdl.rectification import RectificationOptions
 from hdl.row_minimisation import loss
 from hdl.view import View
 
 POINTS = 2000
-
-
-def origin(rig: Rig, options: RectificationOptions) -> str:
-    """Where the rectification comes from, in a few words."""
-    if rig.rectification and not options.given:
-        return "the file's own"
-    return f"computed, {', '.join(options.given) or 'default'}"
+LEAST_FILLED = 0.5  # share of the frame; rectified frames as people choose them are filled by more than two thirds
 
 
 def notes(rig: Rig, options: RectificationOptions, views: dict[str, View]) -> list[str]:
@@ -26,12 +18,23 @@ def notes(rig: Rig, options: RectificationOptions, views: dict[str, View]) -> li
         chosen = ", ".join(options.given)
         lines.append(f"{rig.source}: the rectification in the file is not used as it stands, because of {chosen}")
     if options.minimise:
-        before = rectify(rig, replace(options, minimise=None), lens=views["left"].lens)
+        before = {side: view.before for side, view in views.items()}
         counts = [" + ".join(str(pair[side].window.rows) for side in SIDES) for pair in (before, views)]
         lines.append(
             f"--minimise rows: line buffers of {counts[0]} rows, left + right, become {counts[1]}; "
             f"{100 * loss(before, views):.1f} % of the view is lost"
         )
+    return lines
+
+
+def warnings(rig: Rig, views: dict[str, View]) -> list[str]:
+    """Those of ``rig``, and one for each of its ``views`` that is empty for the most part."""
+    lines = list(rig.warnings)
+    for number, side in enumerate(SIDES, start=1):
+        filled = views[side].inside.mean()
+        if filled < LEAST_FILLED:
+            problem = f"only {100 * filled:.0f} % of the rectified {side} frame has a source in the image"
+            lines.append(str(rig.fault(f"P{number}", views[side].P, problem)))
     return lines
 
 

@@ -39,6 +39,12 @@ class View:
         Size of the rectified image and of the source image, px.
     lens : bool
         Whether the map contains the lens. Without it, it is the homography of Eq. 2.
+    origin : str
+        Where R and P come from, in words.
+    unit : str or None
+        "m" where the unit of the baseline in P is known.
+    before : View or None
+        What it was before its rows were minimised.
     geometry : (str, array)
         For messages: the role of the field that R follows from, and its value.
     fault : callable
@@ -52,6 +58,9 @@ class View:
     width: int
     height: int
     lens: bool
+    origin: str = "given"
+    unit: str | None = None
+    before: "View | None" = field(default=None, repr=False)
     geometry: tuple[str, np.ndarray | None] = field(default=("R", None), repr=False)
     fault: Callable[..., InputError] = field(default=partial(InputError, None), repr=False)
 
@@ -138,6 +147,14 @@ class View:
         """
         u, v = (np.floor(w).astype(np.int32) for w in self.map())
         return Coordinates(u, v, fraction_bits=0).window(Border())
+
+    @property
+    def distortion(self) -> tuple[np.ndarray, np.ndarray]:
+        """(u, v) with the lens less (u, v) without it, px: (n,) arrays over the pixels whose source, with the lens, is
+        inside the source image. Raises InputError as :meth:`map` of the view with the lens does."""
+        lens, plain = (self if self.lens == wanted else replace(self, lens=wanted) for wanted in (True, False))
+        inside = lens.inside
+        return tuple((bent - straight)[inside] for bent, straight in zip(lens.map(), plain.map()))
 
     @property
     def inside(self) -> np.ndarray:

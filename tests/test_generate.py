@@ -64,6 +64,35 @@ def test_the_plan_holds_what_it_promises(folder, run_command):
     assert spread < plan["line_buffer"]["rows"] <= spread + 4
 
 
+@pytest.mark.parametrize("lens", ["--lens", "--no-lens"])
+def test_the_plan_says_what_leaving_out_the_lens_drops(folder, run_command, lens):
+    _, out, _ = run_command(generate, f"--camera left --size 160x120 --output out --top t {lens}")
+    plan = json.loads((folder / "out/t.json").read_text())
+    if lens == "--lens":
+        assert plan["distortion_dropped"] is None and "lens left out" not in out
+        return
+    K, R, P = np.array(plan["camera"]["K"]), np.array(plan["rectification"]["R"]), np.array(plan["rectification"]["P"])
+    with_lens, without = (
+        cv2.initUndistortRectifyMap(K, D, R, P, (160, 120), cv2.CV_32FC1) for D in (np.array(plan["camera"]["D"]), None)
+    )
+    inside = np.logical_and.reduce([(w >= 0) & (w <= size - 1) for w, size in zip(with_lens, (160, 120))])
+    for axis, bent, straight in zip("uv", with_lens, without):
+        shift = np.abs(bent - straight)[inside]
+        assert plan["distortion_dropped"][axis]["max"] == pytest.approx(shift.max(), abs=1e-3)
+        assert plan["distortion_dropped"][axis]["mean"] == pytest.approx(shift.mean(), abs=1e-3)
+    assert "lens left out" in out
+
+
+def test_the_plan_has_the_rows_before_and_after_they_were_minimised(folder, run_command):
+    _, _, err = run_command(generate, "--size 160x120 --datapath proposed --minimise rows --output out --top t")
+    entries = [json.loads((folder / f"out/t_{side}.json").read_text())["rectification"] for side in ("left", "right")]
+    for when in ("before", "after"):
+        assert " + ".join(str(entry["minimised"][f"rows_{when}"]) for entry in entries) in err
+    assert all(entry["origin"] == "computed, --minimise" and entry["unit"] is None for entry in entries)
+    assert all(entry["minimised"]["rows_after"] < entry["minimised"]["rows_before"] for entry in entries)
+    assert all(0 <= entry["minimised"]["lost"] <= 0.05 for entry in entries)
+
+
 def test_auto_says_what_it_considered_and_takes_the_cheapest(folder, run_command):
     status, out, _ = run_command(generate, "--camera left --size 320x240 --output out --top t")
     assert status == 0

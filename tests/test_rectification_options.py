@@ -1,5 +1,6 @@
 """What a user chooses of a rectification does what it says and keeps rows aligned; --minimise rows never costs rows."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -10,7 +11,7 @@ import pytest
 from hdl.calibration import SIDES, Camera, Rig, embedded
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, rectify
-from hdl.rectification_notes import notes, origin, row_disagreement
+from hdl.rectification_notes import notes, row_disagreement, warnings
 from hdl.row_minimisation import loss
 from scripts import reference_rigs
 
@@ -146,9 +147,21 @@ def test_notes_say_what_became_of_the_files_rectification():
     ]
     assert notes(rig("own"), RectificationOptions(), chosen("own")) == []
     assert notes(rig("radtan"), options, chosen("radtan", focal=130.0)) == []
-    assert origin(rig("own"), RectificationOptions()) == "the file's own"
-    assert origin(rig("own"), options) == "computed, --focal, --center"
-    assert origin(rig("radtan"), RectificationOptions()) == "computed, default"
+    for name, given, origin in (
+        ("own", RectificationOptions(), "the file's own"),
+        ("own", options, "computed, --focal, --center"),
+        ("radtan", RectificationOptions(), "computed, default"),
+    ):
+        assert {view.origin for view in rectify(rig(name), given, lens=True).values()} == {origin}
+
+
+def test_frames_that_are_empty_for_the_most_part_are_warned_of():
+    wide = rectify(rig("radtan"), RectificationOptions(focal=20.0), lens=True)
+    first, second = warnings(rig("radtan"), wide)
+    said = r"opencv_samples.yml: P1 = \[\[20\.0, .*: only 3 % of the rectified left frame has a source in the image"
+    assert re.fullmatch(said, first)
+    assert "P2" in second and "right" in second
+    assert warnings(rig("radtan"), rectify(rig("radtan"), lens=True)) == []
 
 
 def test_notes_tell_rows_before_and_after():

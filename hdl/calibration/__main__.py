@@ -18,7 +18,7 @@ from hdl.calibration import SIDES, Camera, Rig, convert
 from hdl.cli import SizeType, camera_table, rectification_options, run
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, View, rectify
-from hdl.rectification_notes import notes, origin, row_disagreement
+from hdl.rectification_notes import notes, row_disagreement, warnings
 
 COEFFICIENTS = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()
 
@@ -79,7 +79,7 @@ def describe(files, format, select, size, as_json, target, **choices):
     console = Console()
     for table in description.tables():
         console.print(table)
-    for line in rig.warnings:
+    for line in warnings(rig, description.views):
         console.print("[bold yellow]warning:[/]", escape(line), soft_wrap=True, highlight=False)
     for line in notes(rig, options, description.views):
         console.print("[bold]note:[/]", escape(line), soft_wrap=True, highlight=False)
@@ -121,7 +121,7 @@ class Description:
             "rows": {
                 side: {"lens": self.views[side].window.rows, "no_lens": self.plain[side].window.rows} for side in SIDES
             },
-            "warnings": list(rig.warnings),
+            "warnings": warnings(rig, self.views),
         }
 
     def tables(self) -> list[Table]:
@@ -137,7 +137,7 @@ class Description:
         table.add_row("baseline", f"{np.linalg.norm(rig.T):.6g} {unit}")
         table.add_row("T, x_right = R x_left + T", f"{_numbers(rig.T)} {rig.unit or ''}".rstrip())
         table.add_row("angle between the cameras", f"{turn:.3f} degrees")
-        table.add_row("rectification", origin(rig, self.options))
+        table.add_row("rectification", self.views["left"].origin)
         table.add_row("rows of a point agree within", f"{row_disagreement(rig, self.views):.2g} px")
         return table
 
@@ -153,7 +153,7 @@ class Description:
         rows += [
             ("lens", [camera.model for camera in cameras]),
             ("lens coefficients", [coefficients(camera) for camera in cameras]),
-            ("the lens shifts pixels", [f"up to {moved(*pair):.1f} px" for pair in zip(views, plain)]),
+            ("the lens shifts pixels", [f"up to {np.hypot(*view.distortion).max():.1f} px" for view in views]),
             ("turn about x, y, z", [f"{_angles(view.R)} degrees" for view in views]),
             ("rectified focal length", [f"{view.P[0, 0]:.3f} px" for view in views]),
             ("rectified centre", [f"{view.P[0, 2]:.3f}, {view.P[1, 2]:.3f} px" for view in views]),
@@ -170,12 +170,6 @@ def coefficients(camera: Camera) -> str:
     names = ("k1", "k2", "k3", "k4") if camera.model == "equidistant" else COEFFICIENTS
     used = int(np.max(np.flatnonzero(camera.D), initial=-1)) + 1
     return "\n".join(f"{name} {value: .6g}" for name, value in zip(names, camera.D[:used])) or "none"
-
-
-def moved(view: View, plain: View) -> float:
-    """How far apart, at most, the maps with and without the lens are, px, where that with it leads into the image."""
-    apart = np.hypot(*(with_lens - without for with_lens, without in zip(view.map(), plain.map())))
-    return float(apart[view.inside].max())
 
 
 def compact(content) -> str:
