@@ -1,13 +1,10 @@
 """``python -m scripts.minimise_rows``: what ``--minimise rows`` saves of the line buffers of real rigs."""
 
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import rich_click as click
-from rich.console import Console
-from rich.table import Table
 
 from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
@@ -15,6 +12,7 @@ from hdl.rectification import RectificationOptions, rectify
 from hdl.rectification_notes import row_disagreement
 from hdl.row_minimisation import loss
 from scripts import reference_rigs
+from scripts.tables import json_option, show, write_json
 
 HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost", "filled after", "rows agree", "s")
 
@@ -30,13 +28,7 @@ HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost"
     help="What of the view may be given up.",
 )
 @click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
-@click.option(
-    "--json",
-    "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Write the rows of the table to FILE.",
-)
+@json_option
 def minimise_rows(names, max_fov_loss, data, json_file):
     """Rows of line buffer of every reference rig, or of the named ones, before and after --minimise rows."""
     reference_rigs.check(data)
@@ -49,17 +41,9 @@ def minimise_rows(names, max_fov_loss, data, json_file):
             progress(name)
             rig = reference_rigs.load(name, data)
             rows += [{"rig": name, **measure(rig, options, lens)} for lens in (True, False)]
-    if json_file:
-        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
-    table = Table(
-        title=f"Rows of line buffer, left and right, with at most {max_fov_loss:.0%} of the view lost",
-        title_justify="left",
-    )
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading == "rig" else "right")
-    for row in rows:
-        table.add_row(*as_text(row))
-    Console().print(table)
+    write_json(json_file, rows)
+    title = f"Rows of line buffer, left and right, with at most {max_fov_loss:.0%} of the view lost"
+    show(title, HEADINGS, map(as_text, rows))
 
 
 def measure(rig: Rig, options: RectificationOptions, lens: bool) -> dict:

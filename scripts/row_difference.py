@@ -5,21 +5,19 @@ the float64 map rounded to 1/32 px, as an exact core would: what is measured has
 interpretation, the lens, the map and the interpolation.
 """
 
-import json
 import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import rich_click as click
-from rich.console import Console
-from rich.table import Table
 
 from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, View, rectify
 from scripts import reference_rigs
+from scripts.tables import json_option, show, write_json
 from sim.remap import CV2_FRACTION_BITS, cv2_remap
 
 LIMIT = 0.3  # px, of the mean after rectification
@@ -31,13 +29,7 @@ EPIPOLAR_TOLERANCE = 1.0  # px
 
 @click.command()
 @click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
-@click.option(
-    "--json",
-    "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Write the rows of the table to FILE.",
-)
+@json_option
 def row_difference(data, json_file):
     """Mean row difference of matched points in the real image pairs, before and after rectification with the lens.
 
@@ -50,14 +42,8 @@ def row_difference(data, json_file):
             progress(name)
             images = [tuple(read(data / file) for file in pair) for pair in pairs.images]
             rows.append({"rig": name, **measure(reference_rigs.load(name, data), images, pairs.board)})
-    if json_file:
-        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
-    table = Table(title="Rows between the two images of a point, px", title_justify="left")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading in HEADINGS[:2] else "right")
-    for row in rows:
-        table.add_row(*as_text(row))
-    Console().print(table)
+    write_json(json_file, rows)
+    show("Rows between the two images of a point, px", HEADINGS, map(as_text, rows), texts=2)
     if any(row["after"]["mean"] >= LIMIT for row in rows):
         click.echo(f"a mean of {LIMIT} px or more after rectification", err=True)
         sys.exit(1)

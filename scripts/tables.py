@@ -1,0 +1,33 @@
+"""What the scripts that measure share: the option --json, and tables on the terminal."""
+
+import json
+from pathlib import Path
+
+import rich_click as click
+from rich.console import Console
+from rich.table import Table
+
+json_option = click.option(
+    "--json",
+    "json_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Write the rows to FILE.",
+)
+
+
+def write_json(file, rows):
+    """Write ``rows`` to ``file``, unless it is None."""
+    if file:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+
+
+def show(title, headings, rows, texts=1):
+    """Print a table; ``rows`` are texts, the first ``texts`` columns to the left, the others to the right."""
+    table = Table(title=title, title_justify="left")
+    for index, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if index < texts else "right")
+    for row in rows:
+        table.add_row(*map(str, row))
+    Console().print(table)
