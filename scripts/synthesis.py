@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from hdl import yosys
@@ -53,14 +53,17 @@ class Resources:
             ramb36=total("RAMB36E1"),
         )
 
+    def __add__(self, other):
+        return Resources(*(a + b for a, b in zip(astuple(self), astuple(other))))
+
 
 def conditions(dsp):
     """How `synthesise` measures, in words."""
     return f"Yosys {yosys.version().split('.post')[0]}, {_command('TOP', dsp)}"
 
 
-def _command(top, dsp):
-    return f"synth_xilinx -family xc7 -flatten -noiopad{'' if dsp else ' -nodsp'} -top {top}"
+def _command(top, dsp, flatten=True):
+    return f"synth_xilinx -family xc7{' -flatten' if flatten else ''} -noiopad{'' if dsp else ' -nodsp'} -top {top}"
 
 
 def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
@@ -68,16 +71,27 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
 
     Results are cached by content. Raises RuntimeError with Yosys's own error line and the log's path.
     """
-    command = _command(top, dsp)
+    return Resources.count(_statistics(verilog, _command(top, dsp), cache)["design"]["num_cells_by_type"])
+
+
+def synthesise_blocks(verilog, top, *, dsp=False, cache=Path("build/cache")):
+    """`Resources` of each module of a Verilog text, by name, without those inside it, boundaries kept.
+
+    Together they take more than the flattened core, as nothing is optimised across boundaries. Otherwise as
+    `synthesise`.
+    """
+    modules = _statistics(verilog, _command(top, dsp, flatten=False), cache)["modules"]
+    return {name.lstrip("\\"): Resources.count(module["num_cells_by_type"]) for name, module in modules.items()}
+
+
+def _statistics(verilog, command, cache):
+    """What Yosys's stat says after ``command``."""
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
     work = Path(cache) / f"synthesis-{key}"
-    result = work / "cells.json"
+    result = work / "statistics.json"
     if not result.exists():
         work.mkdir(parents=True, exist_ok=True)
         (work / "core.v").write_text(verilog, encoding="utf-8")
         yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
-        cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
-        temporary = result.with_suffix(".tmp")
-        temporary.write_text(json.dumps(cells))
-        temporary.replace(result)
-    return Resources.count(json.loads(result.read_text()))
+        (work / "stat.json").replace(result)
+    return json.loads(result.read_text())

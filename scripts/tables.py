@@ -7,6 +7,8 @@ import rich_click as click
 from rich.console import Console
 from rich.table import Table
 
+WIDTH = 160  # columns, where there is no terminal that has its own
+
 json_option = click.option(
     "--json",
     "json_file",
@@ -30,4 +32,5 @@ def show(title, headings, rows, texts=1):
         table.add_column(heading, justify="left" if index < texts else "right")
     for row in rows:
         table.add_row(*map(str, row))
-    Console().print(table)
+    console = Console()
+    console.print(table, width=None if console.is_terminal else WIDTH)
