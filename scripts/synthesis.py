@@ -8,6 +8,8 @@ from pathlib import Path
 
 from hdl import yosys
 
+_BLOCK = re.MULTILINE | re.DOTALL
+
 
 @dataclass(frozen=True)
 class Resources:
@@ -53,8 +55,8 @@ class Resources:
             ramb36=total("RAMB36E1"),
         )
 
-    def __add__(self, other):
-        return Resources(*(a + b for a, b in zip(astuple(self), astuple(other))))
+    def __sub__(self, other):
+        return Resources(*(a - b for a, b in zip(astuple(self), astuple(other))))
 
 
 def conditions(dsp):
@@ -62,8 +64,8 @@ def conditions(dsp):
     return f"Yosys {yosys.version().split('.post')[0]}, {_command('TOP', dsp)}"
 
 
-def _command(top, dsp, flatten=True):
-    return f"synth_xilinx -family xc7{' -flatten' if flatten else ''} -noiopad{'' if dsp else ' -nodsp'} -top {top}"
+def _command(top, dsp):
+    return f"synth_xilinx -family xc7 -flatten -noiopad{'' if dsp else ' -nodsp'} -top {top}"
 
 
 def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
@@ -71,27 +73,39 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
 
     Results are cached by content. Raises RuntimeError with Yosys's own error line and the log's path.
     """
-    return Resources.count(_statistics(verilog, _command(top, dsp), cache)["design"]["num_cells_by_type"])
-
-
-def synthesise_blocks(verilog, top, *, dsp=False, cache=Path("build/cache")):
-    """`Resources` of each module of a Verilog text, by name, without those inside it, boundaries kept.
-
-    Together they take more than the flattened core, as nothing is optimised across boundaries. Otherwise as
-    `synthesise`.
-    """
-    modules = _statistics(verilog, _command(top, dsp, flatten=False), cache)["modules"]
-    return {name.lstrip("\\"): Resources.count(module["num_cells_by_type"]) for name, module in modules.items()}
-
-
-def _statistics(verilog, command, cache):
-    """What Yosys's stat says after ``command``."""
+    command = _command(top, dsp)
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
     work = Path(cache) / f"synthesis-{key}"
-    result = work / "statistics.json"
+    result = work / "cells.json"
     if not result.exists():
         work.mkdir(parents=True, exist_ok=True)
         (work / "core.v").write_text(verilog, encoding="utf-8")
         yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
-        (work / "stat.json").replace(result)
-    return json.loads(result.read_text())
+        cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
+        temporary = result.with_suffix(".tmp")
+        temporary.write_text(json.dumps(cells))
+        temporary.replace(result)
+    return Resources.count(json.loads(result.read_text()))
+
+
+def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):
+    """`Resources` of one module of an exported core, those inside it included, by itself; otherwise as `synthesise`.
+
+    It is flattened into a module around it, as it is into the core: Yosys takes the operand of an addition for the
+    carry chain that it finds declared first, and flattening turns the order round. Alone at the top the interpolator
+    takes half as many look-up tables again.
+    """
+    modules = {found.group(1): found.group() for found in re.finditer(r"^module (\w+) .*?^endmodule", verilog, _BLOCK)}
+    needed, rest = [], [module]
+    while rest:
+        needed.append(rest.pop())
+        rest += [name for name in modules if re.search(rf"^  {name} ", modules[needed[-1]], re.MULTILINE)]
+    ports = re.findall(r"^  (?:input|output) .*?(\w+) ?;", modules[module], re.MULTILINE)
+    declarations = re.findall(r"^  (?:input|output) .*?;", modules[module], re.MULTILINE)
+    around = [
+        f"module alone({', '.join(ports)});",
+        *declarations,
+        f"  {module} inside({', '.join(f'.{port}({port})' for port in ports)});",
+        "endmodule",
+    ]
+    return synthesise("\n".join([*map(modules.get, needed), *around, ""]), "alone", dsp=dsp, cache=cache)

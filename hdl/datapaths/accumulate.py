@@ -22,7 +22,7 @@ class Accumulate(Projective):
     @property
     def cost(self):
         divider = self.divider_cost
-        return Cost(lut=divider.lut + 2 * self.form_bits, ff=divider.ff + self.form_bits)
+        return Cost(lut=divider.lut + self.form_bits, ff=divider.ff + self.form_bits)
 
     @property
     def latency(self):

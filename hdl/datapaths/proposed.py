@@ -61,7 +61,7 @@ class Proposed(Datapath):
     @property
     def cost(self):
         bits = sum(q.width for q in self.formats.values())
-        return Cost(lut=round(1.78 * bits), ff=bits)
+        return Cost(lut=round(0.82 * bits), ff=bits)
 
     def component(self):
         return AccumulatedCoordinates(self)
