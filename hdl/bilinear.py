@@ -4,6 +4,8 @@ from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.errors import at_least
+
 
 def blend(m, name, even, odd, weight, swapped, half):
     """Total of ``even * (2**f - weight) + odd * weight``, the two exchanged where ``swapped``, f = len(weight).
@@ -42,7 +44,7 @@ class Bilinear(wiring.Component):
     channels : int
         Channels side by side in a pixel, blended with the same weights.
     fraction_bits : int
-        f, bits of each weight.
+        f, bits of each weight. ValueError for any of the three below 1.
 
     Members
     -------
@@ -61,6 +63,7 @@ class Bilinear(wiring.Component):
     latency = 2
 
     def __init__(self, pixel_bits, channels, fraction_bits):
+        at_least(1, pixel_bits=pixel_bits, channels=channels, fraction_bits=fraction_bits)
         self._pixel_bits = pixel_bits
         self._channels = channels
         pixel = pixel_bits * channels

@@ -5,6 +5,8 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
+from hdl.errors import at_least
+
 
 class Capture(wiring.Component):
     """Finds frames and lines in the input stream and keeps to them when the stream does not.
@@ -21,7 +23,7 @@ class Capture(wiring.Component):
     Parameters
     ----------
     width, height : int
-        Frame size, px.
+        Frame size, px; ValueError below 1.
 
     Members
     -------
@@ -38,6 +40,7 @@ class Capture(wiring.Component):
     """
 
     def __init__(self, width, height):
+        at_least(1, width=width, height=height)
         self._width = width
         self._height = height
         super().__init__(

@@ -1,4 +1,11 @@
-"""The one exception that reaches a user as a message instead of a traceback."""
+"""The exceptions that reach a user as a message instead of a traceback, and what constructors check by."""
+
+
+def at_least(least, **parameters):
+    """Raise ValueError, naming it, for the first of ``parameters`` that is below ``least``."""
+    for name, value in parameters.items():
+        if value < least:
+            raise ValueError(f"{name} = {value}: at least {least} is needed")
 
 
 class InputError(ValueError):

@@ -4,6 +4,8 @@ from amaranth import Module, Mux, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.errors import at_least
+
 
 class RowFlow(wiring.Component):
     """Compares the rows that came in with the rows that went out.
@@ -20,7 +22,7 @@ class RowFlow(wiring.Component):
     Parameters
     ----------
     lead : int
-        `Window.lead`.
+        `Window.lead`; ValueError below 0.
 
     Members
     -------
@@ -35,6 +37,7 @@ class RowFlow(wiring.Component):
     """
 
     def __init__(self, lead):
+        at_least(0, lead=lead)
         self._lead = lead
         super().__init__(
             {

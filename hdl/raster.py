@@ -5,6 +5,8 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
+from hdl.errors import at_least
+
 
 class Raster(wiring.Component):
     """Counts through a frame, row by row, and starts the next frame after the last position.
@@ -15,6 +17,11 @@ class Raster(wiring.Component):
         Frame size, px.
     warm_up : int
         After reset, begin this many positions before the first one, with the last ones of a row; less than ``width``.
+
+    Raises
+    ------
+    ValueError
+        For values outside these ranges.
 
     Members
     -------
@@ -27,6 +34,10 @@ class Raster(wiring.Component):
     """
 
     def __init__(self, width, height, warm_up=0):
+        at_least(1, width=width, height=height)
+        at_least(0, warm_up=warm_up)
+        if warm_up >= width:
+            raise ValueError(f"warm_up = {warm_up}: less than the width, {width}, is needed")
         self._width = width
         self._height = height
         super().__init__(

@@ -4,6 +4,8 @@ from amaranth import Cat, Const, Module, Mux, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.errors import at_least
+
 
 class Divider(wiring.Component):
     """Quotients of several dividends by one divisor: floor(dividend * 2**shift / divisor), one set a clock.
@@ -24,6 +26,11 @@ class Divider(wiring.Component):
     quotient_bits : int
         The caller keeps dividend * 2**shift < divisor * 2**quotient_bits.
 
+    Raises
+    ------
+    ValueError
+        Without dividends, and for widths below 1 or shifts below 0.
+
     Members
     -------
     enable : In(1)
@@ -32,6 +39,10 @@ class Divider(wiring.Component):
     """
 
     def __init__(self, dividends, *, divisor_bits, quotient_bits):
+        at_least(1, dividends=len(dividends), divisor_bits=divisor_bits, quotient_bits=quotient_bits)
+        for width, shift in dividends:
+            at_least(1, dividend_bits=width)
+            at_least(0, shift=shift)
         self._shifts = [shift for _, shift in dividends]
         self.latency = quotient_bits
         super().__init__(
