@@ -8,12 +8,11 @@ import numpy as np
 
 from hdl import verilog
 from hdl.coordinates import Border
-from hdl.datapaths import DATAPATHS
 from hdl.errors import BudgetError, InputError
 from hdl.plan import PLAN_VERSION, Plan
 from hdl.rectifier import Rectifier, RectifierParameters
 from hdl.row_minimisation import loss
-from hdl.selection import choose
+from hdl.selection import choose, fit
 
 AUTO = "auto"
 
@@ -34,6 +33,8 @@ class Options:
     border : Border
     max_line_buffer_kib : int
         Largest allowed line memory, KiB.
+    dsp : bool
+        Whether multiplications are left to the synthesis tool, which puts them into DSP blocks; else adders make them.
     """
 
     datapath: str = AUTO
@@ -44,6 +45,7 @@ class Options:
     border: Border = Border()
     max_line_buffer_kib: int = 4096
     optimise: str = "balanced"
+    dsp: bool = True
 
 
 @dataclass(frozen=True)
@@ -90,11 +92,11 @@ def build(view, options, top, progress=lambda step: None):
     exact = view.map()
     considered = ()
     if options.datapath == AUTO:
-        considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress)
+        considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress, options.dsp)
         datapath = considered[0].datapath
     else:
         progress(f"word lengths of {options.datapath}")
-        datapath = DATAPATHS[options.datapath].fit(view, options.fraction_bits, options.max_error)
+        datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
     progress("error at every pixel")
     error = datapath.coordinates.error(*exact)
     worst = max(error["u"]["max"], error["v"]["max"])
@@ -137,6 +139,7 @@ def build(view, options, top, progress=lambda step: None):
         lens=view.lens,
         distortion_dropped=None if view.lens else _dropped(view),
         datapath=datapath.name,
+        dsp=options.dsp,
         fraction_bits=options.fraction_bits,
         pixel_bits=options.pixel_bits,
         channels=options.channels,

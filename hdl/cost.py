@@ -31,3 +31,9 @@ def block_rams(words, width):
         -(-words // depth) * -(-width // bits)
         for depth, bits in ((512, 36), (1024, 18), (2048, 9), (4096, 4), (8192, 2), (16384, 1))
     )
+
+
+def dsp_blocks(a, b):
+    """DSP48E1 that a product of signed factors of ``a`` and ``b`` bits takes: 25 by 18 bits each (AMD UG479)."""
+    wide, narrow = max(a, b), min(a, b)
+    return -(-wide // 25) * -(-narrow // 18)

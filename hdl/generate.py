@@ -65,6 +65,12 @@ def core_options(command):
                 help=f"What {AUTO} saves.",
             ),
             click.option(
+                "--dsp/--no-dsp",
+                default=Options.dsp,
+                show_default=True,
+                help="Leave multiplications to the tool, which puts them into DSP blocks, or make them from adders.",
+            ),
+            click.option(
                 "--max-error",
                 type=float,
                 metavar="PX",
@@ -172,6 +178,7 @@ def build_cores(
     *,
     datapath,
     optimise,
+    dsp,
     max_error,
     lens,
     pixel_bits,
@@ -198,7 +205,7 @@ def build_cores(
     if border.value >= 2 ** int(pixel_bits):
         raise InputError("--border", None, f"constant:{border.value}", f"does not fit into {pixel_bits} bits")
     options = Options(
-        datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib, optimise
+        datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib, optimise, dsp
     )
     choices = RectificationOptions(**rectification)
     if choices.minimise:
@@ -245,11 +252,11 @@ def considered(plan):
     """A table of the datapaths that were considered for a core, the chosen one first."""
     table = Table(title=f"Datapaths for the {plan.camera.side} camera", title_justify="left", title_style="bold")
     table.add_column("datapath")
-    for heading in ("error px", "LUT", "FF", "RAMB18"):
+    for heading in ("error px", "LUT", "FF", "RAMB18", "DSP"):
         table.add_column(heading, justify="right")
     table.add_column("")
     for entry in plan.considered:
-        cost = [str(getattr(entry.cost, name)) if entry.cost else "" for name in ("lut", "ff", "ramb18")]
+        cost = [str(getattr(entry.cost, name)) if entry.cost else "" for name in ("lut", "ff", "ramb18", "dsp")]
         error = "" if entry.error is None else f"{entry.error:.4f}"
         table.add_row(entry.datapath, error, *cost, entry.verdict)
     return table

@@ -117,6 +117,7 @@ class Plan(_Entry):
     lens: bool
     distortion_dropped: AxesEntry | None
     datapath: str
+    dsp: bool
     fraction_bits: int
     pixel_bits: int
     channels: int

@@ -1,6 +1,6 @@
 """``--datapath auto``: the cheapest datapath that meets the budget, and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hdl.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
@@ -31,7 +31,13 @@ class Considered:
     verdict: str
 
 
-def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
+def fit(name, view, fraction_bits, max_error, dsp=True):
+    """`Datapath.fit` of the datapath ``name``, whose multiplications, where it has any, become ``dsp`` or adders."""
+    datapath = DATAPATHS[name].fit(view, fraction_bits, max_error)
+    return replace(datapath, dsp=dsp) if hasattr(datapath, "dsp") else datapath
+
+
+def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp=True):
     """The candidates for ``view`` in the order of their cost, the chosen one first.
 
     Parameters
@@ -43,6 +49,8 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
     goal : str
         What to save; a key of `hdl.cost.GOALS`.
     progress : callable
+    dsp : bool
+        See `fit`.
 
     Returns
     -------
@@ -61,9 +69,11 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None):
             continue
         progress(f"trying {name}")
         try:
-            datapath = kind.fit(view, fraction_bits, budget)
+            datapath = fit(name, view, fraction_bits, budget, dsp)
         except InputError as refusal:
-            others.append(Considered(name, None, getattr(refusal, "reached", None), None, refusal.problem))
+            reached = getattr(refusal, "reached", None)
+            verdict = refusal.problem if reached is None else f"off by {reached:.3g} px"
+            others.append(Considered(name, None, reached, None, verdict))
             continue
         error = datapath.coordinates.error(*view.map())
         worst = max(error["u"]["max"], error["v"]["max"])

@@ -40,6 +40,9 @@ _INTERNAL_ATTRIBUTES = (
 # keeps carries that nobody reads, and puts all modules into one file.
 _WAIVED = ("DECLFILENAME", "UNUSEDSIGNAL", "WIDTHEXPAND", "WIDTHTRUNC")
 
+# How the contents of memories are written: lines as long as these, or, of large memories, as many lines as these.
+_LINE, _LINES = 120, 1000
+
 
 def convert(component, name, header=""):
     """The Verilog text of ``component``, top module ``name``, its ports named as its members; the same on every run.
@@ -60,9 +63,21 @@ def convert(component, name, header=""):
         raise RuntimeError(f"Yosys could not write {name}: {yosys.stderr.strip()}")
     # Amaranth names modules by their path, with dots that Verilog must escape.
     modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
+    modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)
     lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in _WAIVED)
     comment = "".join(f"// {line}\n" for line in header.splitlines())
     return f"{comment}/* verilator lint_save */\n{lint_off}{modules}/* verilator lint_restore */\n"
+
+
+def _joined(initial):
+    """A memory's contents in fewer lines, of which each is an initial block: `_LINE` columns or `_LINES` lines.
+
+    Yosys, which writes all words in one block and a word a line, takes minutes to read a block of some ten thousand.
+    """
+    words = [line.strip() for line in initial.group(1).splitlines()]
+    a_line = max((_LINE - len("  initial begin  end")) // (max(map(len, words)) + 1), -(-len(words) // _LINES), 1)
+    lines = (words[first : first + a_line] for first in range(0, len(words), a_line))
+    return "".join(f"  initial begin {' '.join(line)} end\n" for line in lines)
 
 
 @contextmanager

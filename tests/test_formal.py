@@ -8,10 +8,12 @@ import os
 from unittest import mock
 
 import cores
+import numpy as np
 import pytest
+import rigs
 from amaranth.back import rtlil
 from amaranth.hdl import Assert, Cover, Elaboratable, Module, Signal
-from formal.arithmetic import AccumulatorProof, BilinearProof, DividerProof
+from formal.arithmetic import AccumulatorProof, BilinearProof, DifferenceProof, DividerProof
 from formal.capture import CaptureProof
 from formal.core import any_core
 from formal.mutant import mutant
@@ -20,7 +22,9 @@ from formal.streams import FramesProof, StabilityProof, ZeroStallProof
 from formal.window import WindowProof, tag_bits
 
 from hdl.coordinates import Border
+from hdl.datapaths.differences import DifferenceForm
 from hdl.datapaths.linear import LinearForm
+from hdl.datapaths.polynomial import Polynomial
 from hdl.rectifier import Rectifier
 
 VGA = (640, 480, -11, 14)  # width, height, d_lo, d_hi: about as the embedded rig has them
@@ -130,9 +134,32 @@ def test_accumulators_follow_their_form_to_the_ends_of_its_format(a, b, c, tmp_p
     prove(AccumulatorProof(form), tmp_path)
 
 
+@pytest.mark.parametrize("name", ["proposed", "affine"])
 @pytest.mark.parametrize("axis", ["u_form", "v_form"])
-def test_accumulators_of_a_fitted_datapath_never_overflow(axis, tmp_path):
-    prove(AccumulatorProof(getattr(cores.parameters().datapath, axis)), tmp_path)
+def test_accumulators_of_a_fitted_datapath_never_overflow(name, axis, tmp_path):
+    prove(AccumulatorProof(getattr(cores.parameters(name).datapath, axis)), tmp_path)
+
+
+@pytest.mark.parametrize("rig, axis, degree", [("zoomed", "v_form", 2), ("toed_in", "u_form", 3)])
+def test_differences_of_a_fitted_datapath_never_overflow(rig, axis, degree, tmp_path):
+    form = getattr(Polynomial.fit(rigs.view(rig, "left", 19, 16), 5), axis)
+    assert form.degree == degree
+    prove(DifferenceProof(form), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "coefficients, cell_width, cell_height",
+    [
+        # In each of these a value or a difference is the least or the greatest of its format.
+        ([[-64, 3, 1], [9, -2, 0], [0, 0, 0]], 1, 1),
+        ([[0, -8, -4], [3, 5, 0], [-7, 0, 0]], 4, 4),
+        ([[0, 4, 8], [12, 8, 0], [-16, 0, 0]], 2, 2),
+        ([[1, 0, 0, 1], [0, 0, -1, 0], [0, 2, 0, 0], [1, 0, 0, 0]], 2, 1),
+        ([[-1, 1, 0, 0, 1], [1, 0, 0, 1, 0], [1, 0, -1, 0, 0], [0, -1, 0, 0, 0], [1, 0, 0, 0, 0]], 1, 1),
+    ],
+)
+def test_differences_follow_their_polynomial(coefficients, cell_width, cell_height, tmp_path):
+    prove(DifferenceProof(DifferenceForm(np.array(coefficients), cell_width, cell_height, 0, 9, 7)), tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -178,6 +205,10 @@ def windows(*window, steady=True, **options):
 
 def accumulator(*form):
     return lambda: AccumulatorProof(LinearForm(*form), lemmas=False)
+
+
+def difference(*form):
+    return lambda: DifferenceProof(DifferenceForm(np.array(form[0]), *form[1:]), lemmas=False)
 
 
 def divider():
@@ -365,6 +396,30 @@ FAULTS = {
         accumulator(-1, -4, -1, 0, 5, 4),
         24,
         "the value is the linear form's",
+    ),
+    "a difference has no jump": (
+        "hdl.datapaths.differences",
+        "Mux(self.end_of_line, value(jumps[0]), along)",
+        "Mux(self.end_of_line, 0, along)",
+        difference([[0, 4, 8], [12, 8, 0], [-16, 0, 0]], 2, 2, 0, 5, 3),
+        12,
+        "the value is the polynomial's",
+    ),
+    "a difference changes within a cell": (
+        "hdl.datapaths.differences",
+        "along = Mux(end_of_cell, along, 0)",
+        "along = Mux(1, along, 0)",
+        difference([[0, 4, 8], [12, 8, 0], [-16, 0, 0]], 2, 2, 0, 5, 3),
+        12,
+        "the value is the polynomial's",
+    ),
+    "a difference has a bit too few": (
+        "hdl.datapaths.differences",
+        "Q.covering(self.lowest, self.highest, 0).width - self.fixed_bits",
+        "Q.covering(self.lowest, self.highest, 0).width - self.fixed_bits - 1",
+        difference([[0, 4, 8], [12, 8, 0], [-16, 0, 0]], 2, 2, 0, 5, 3),
+        20,
+        "the value is the polynomial's",
     ),
     "a subtraction has no carry": (
         "hdl.datapaths.divider",

@@ -5,9 +5,15 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rigs
+from amaranth import Module
+from amaranth.lib import wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
 
+from hdl import yosys
 from hdl.datapaths import DATAPATHS
 from hdl.rectifier import Rectifier, RectifierParameters
 from hdl.verilog import convert
@@ -25,12 +31,13 @@ sys.stdout.write(convert(Rectifier(RectifierParameters(DATAPATHS["accumulate"].f
 
 
 def core_parameters(name, **formats):
-    return RectifierParameters(DATAPATHS[name].fit(rigs.view("samples", "left", 640, 480), 5), **formats)
+    size = (64, 48) if name == "table" else (640, 480)
+    return RectifierParameters(DATAPATHS[name].fit(rigs.view("samples", "left", *size), 5), **formats)
 
 
 @cache
 def exported(name, top="core", header="", **formats):
-    """The Verilog of a core for VGA frames."""
+    """The Verilog of a core for VGA frames; with a table, for smaller ones."""
     return convert(Rectifier(core_parameters(name, **formats)), top, header)
 
 
@@ -140,6 +147,46 @@ def test_line_memories_are_four_with_a_write_and_a_registered_read_each():
         accesses = re.findall(rf"(.*){memory}\[.*\](.*);", text)
         assert [bool(re.match(r" <= ", after)) for _, after in accesses] == [True, False]
         assert re.fullmatch(r"\s*\w+ <= ", accesses[1][0])
+
+
+class Stored(wiring.Component):
+    """A memory that is read in order, the contents given."""
+
+    address: In(16)
+    word: Out(12)
+
+    def __init__(self, words):
+        super().__init__()
+        self.words = words
+
+    def elaborate(self, platform):
+        m = Module()
+        m.submodules.memory = memory = Memory(shape=12, depth=len(self.words), init=self.words)
+        read = memory.read_port()
+        m.d.comb += [read.addr.eq(self.address), self.word.eq(read.data)]
+        return m
+
+
+@pytest.mark.parametrize("depth", [1, 3, 4, 5, 100, 4000, 12345])
+def test_contents_of_memories_take_few_lines_and_are_whole(depth):
+    words = np.random.default_rng(depth).integers(0, 1 << 12, depth).tolist()
+    text = convert(Stored(words), "stored")
+    assert re.findall(r"memory\[(\d+)\] = 12'h(\w+);", text) == [(str(i), f"{w:03x}") for i, w in enumerate(words)]
+    lines = re.findall(r"^  initial begin memory.* end$", text, re.MULTILINE)
+    # No other block holds any, and each has one line: as long as a line of text, or longer if they would be too many.
+    assert sum(line.count("memory[") for line in lines) == depth
+    assert len(lines) <= 1000
+    if depth < 4000:
+        assert max(map(len, lines)) <= 120 and all(len(line) > 80 for line in lines[:-1])
+
+
+def test_the_contents_are_what_a_tool_reads(tmp_path):
+    words = [5, 0xFFF, 0, 0x123] * 20 + [7]
+    (tmp_path / "stored.v").write_text(convert(Stored(words), "stored"))
+    yosys.run("read_verilog stored.v; proc; memory_collect; write_rtlil stored.il", tmp_path)
+    ((size, bits),) = re.findall(r"parameter \\INIT (\d+)'([01]+)", (tmp_path / "stored.il").read_text())
+    assert int(size) == 12 * len(words)
+    assert [int(bits[end - 12 : end], 2) for end in range(len(bits), 0, -12)] == words
 
 
 def test_yosys_errors_are_passed_on():

@@ -112,7 +112,7 @@ class Datapath(ABC):
     @property
     @abstractmethod
     def cost(self):
-        """`Cost` of the hardware, estimated from its word lengths, without DSP blocks."""
+        """`Cost` of the hardware, estimated from its word lengths."""
 
     @property
     @abstractmethod

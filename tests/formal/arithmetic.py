@@ -3,8 +3,10 @@
 from amaranth import Module, Mux, Signal
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Assume, Cover, Elaboratable
+from polynomials import differences
 
 from hdl.bilinear import Bilinear
+from hdl.datapaths.differences import DifferenceAccumulator
 from hdl.datapaths.divider import Divider
 from hdl.datapaths.linear import Accumulator
 
@@ -42,6 +44,62 @@ class AccumulatorProof(Elaboratable):
             with m.If(last_column):
                 m.d.sync += y.eq(Mux(last_row, 0, y + 1))
         return m
+
+
+class DifferenceProof(Elaboratable):
+    """The accumulator's value is the polynomial at every position of every frame; so no register overflows.
+
+    Parameters
+    ----------
+    form : DifferenceForm
+    """
+
+    def __init__(self, form, lemmas=True):
+        self._form, self._lemmas = form, lemmas
+
+    def elaborate(self, platform):
+        m = Module()
+        form = self._form
+        accumulator = DifferenceAccumulator(form)
+        m.submodules.accumulator = opened = Opened(accumulator)
+        x, y = Signal(range(form.width)), Signal(range(form.height))
+        last_column, last_row = x == form.width - 1, y == form.height - 1
+        exact = differences(form)
+
+        def here(name):
+            if "jump" in name:
+                return _entry(exact[name], y)
+            column = x if name == "value" else x // form.cell_width
+            return _entry([_entry(row, column) for row in exact[name]], y)
+
+        m.d.comb += [
+            accumulator.step.eq(AnySeq(1)),
+            accumulator.x.eq(x),
+            accumulator.y.eq(y),
+            accumulator.end_of_line.eq(last_column),
+            accumulator.end_of_frame.eq(last_column & last_row),
+            Assert(accumulator.value == here("value"), "the value is the polynomial's"),
+        ]
+        if self._lemmas:
+            m.d.comb += Assert((x < form.width) & (y < form.height), "lemma: positions are in the frame")
+            for name, sequence in form.registers.items():
+                register = opened.registers[name]
+                stored = (here(name) if sequence.order % 2 == 0 else -here(name)) >> sequence.fixed_bits
+                same = stored[: len(register)] == register.as_unsigned()
+                m.d.comb += Assert(same, f"lemma: {name} is the difference")
+        with m.If(accumulator.step):
+            m.d.sync += x.eq(Mux(last_column, 0, x + 1))
+            with m.If(last_column):
+                m.d.sync += y.eq(Mux(last_row, 0, y + 1))
+        return m
+
+
+def _entry(table, index):
+    """table[index]; by multiplexers, since tools make a memory of a switch, whose contents induction takes as free."""
+    if not len(index):
+        return table[0]
+    low, high = (_entry(table[odd::2] or table[:1], index[1:]) for odd in (0, 1))
+    return Mux(index[0], high, low)
 
 
 class DividerProof(Elaboratable):

@@ -1,0 +1,138 @@
+"""The conventional datapath with the lens: multiplications and divisions all the way to the distorted pixel."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from amaranth import Module
+from amaranth.lib import wiring
+
+from hdl.coordinates import Coordinates
+from hdl.cost import Cost
+from hdl.datapaths.base import Datapath
+from hdl.datapaths.conventional_lens_fit import CHUNK, LensFit, ideal
+from hdl.datapaths.pipeline import Pipeline
+from hdl.datapaths.projective import Projective
+from hdl.datapaths.steps import delays, evaluate, step_cost, waits
+from hdl.fixedpoint import Q
+
+
+@dataclass(frozen=True)
+class ConventionalLens(Datapath):
+    """The ideal pinhole's pixel as `conventional` has it, then the lens by multiplications; 1 px/clock.
+
+    (X, Y) = (fx*x/z, fy*y/z) is the ideal pixel relative to the principal point, and r2 = X^2 + (fx/fy)^2 Y^2. OpenCV's
+    radial and tangential terms, put so that few products have two variable factors and none of the tangential ones:
+
+        u = cx + X + s*X + (p2/fx)*r2          s = r2*(k1' + r2*(k2' + r2*k3')) + 2*(p2/fx)*X + 2*(p1/fy)*Y
+        v = cy + Y + s*Y + (p1*fy/fx^2)*r2     with ki' = ki/fx^(2i)
+
+    With k4 to k6 the radial part of s is a quotient of polynomials in r2: a third division. With a skew the pinhole
+    has its share of Y in X, which is taken off for s. What has a coefficient of zero, or one that rounds to it, is left
+    out.
+
+    Each value has its own word length, all together the cheapest with which the integer model meets the budget at every
+    pixel whose source is inside the image. Where the source is outside the error may be larger, but no value overflows:
+    formats cover the whole frame.
+
+    Latency: the pinhole's, and a clock for each step on the longest way from there.
+
+    Parameters
+    ----------
+    pinhole : Projective
+        The datapath for X and Y, to more fraction bits; it has ``dsp`` too.
+    steps : tuple
+        Of `hdl.datapaths.steps`, from ``x`` and ``y`` to ``u`` and ``v``.
+    dsp : bool
+        Whether products are left to the synthesis tool, which has DSP blocks for them; else they are rows of adders.
+
+    Source: Hyun and Moon 2015, Eq. 1 to 3; OpenCV, calib3d, "Detailed Description", for the lens.
+    """
+
+    name = "conventional"
+    summary = "Eq. 3 and the lens: multipliers and pipelined dividers"
+    supports_lens = True
+
+    pinhole: Projective
+    steps: tuple
+    dsp: bool = True
+
+    @classmethod
+    def fit(cls, view, fraction_bits, max_error=None, *, pinhole):
+        """See `Datapath.fit`. ``pinhole``: the `Projective` class for X and Y.
+
+        Raises InputError for lenses other than radial-tangential and rational ones, too.
+        """
+        found = LensFit(pinhole, view, fraction_bits, max_error).best()
+        return cls(view.width, view.height, fraction_bits, *found)
+
+    @cached_property
+    def _frame(self):
+        """`Coordinates` of the frame, and the `Q` of each value, which holds it in the whole frame."""
+        u, v = (np.empty((self.height, self.width), np.int32) for _ in range(2))
+        spans = {}
+        rows = max(1, CHUNK // self.width)
+        for top in range(0, self.height, rows):
+            y = np.arange(top, min(top + rows, self.height))
+            values = evaluate(self.steps, ideal(self.pinhole, np.arange(self.width), y[:, None]))
+            for name, (stored, bits) in values.items():
+                low, high, _ = spans.get(name, (0, 0, bits))
+                spans[name] = min(low, int(stored.min())), max(high, int(stored.max())), bits
+            u[y], v[y] = values["u"][0], values["v"][0]
+        return Coordinates(u, v, self.fraction_bits), {name: Q.covering(*span) for name, span in spans.items()}
+
+    @property
+    def coordinates(self):
+        return self._frame[0]
+
+    @property
+    def formats(self):
+        return {**{f"pinhole {name}": q for name, q in self.pinhole.formats.items()}, **self._frame[1]}
+
+    @property
+    def latency(self):
+        return max(self._delays["u"], self._delays["v"])
+
+    @property
+    def _delays(self):
+        return delays(self.steps, dict.fromkeys("xy", self.pinhole.latency))
+
+    @property
+    def cost(self):
+        widths = {name: q.width for name, q in self._frame[1].items()}
+        pinhole = self.hardware_pinhole.cost
+        added = [step_cost(step, widths, self.dsp) for step in self.steps]
+        # From three clocks on, registers become shift registers, in look-up tables.
+        for name, clocks in waits(self.steps, self._delays):
+            added.append((widths[name], 0, 0) if clocks >= 3 else (0, widths[name] * clocks, 0))
+        lut, ff, dsp = (sum(column) for column in zip(*added))
+        return Cost(lut=pinhole.lut + lut, ff=pinhole.ff + ff, dsp=pinhole.dsp + dsp)
+
+    @property
+    def hardware_pinhole(self):
+        """``pinhole`` with its products made likewise."""
+        return replace(self.pinhole, dsp=self.dsp)
+
+    def component(self):
+        return LensProducts(self)
+
+
+class LensProducts(wiring.Component):
+    """The pinhole, and a `Pipeline` from there. Members: `DatapathSignature`."""
+
+    def __init__(self, parameters):
+        self._parameters = parameters
+        super().__init__(parameters.signature)
+
+    def elaborate(self, platform):
+        m = Module()
+        p = self._parameters
+        m.submodules.pinhole = pinhole = p.hardware_pinhole.component()
+        m.d.comb += [pinhole.enable.eq(self.enable), pinhole.x.eq(self.x), pinhole.y.eq(self.y)]
+        pipeline = Pipeline(m, self.enable, p.formats, p.dsp)
+        for name, value, q in zip("xy", (pinhole.u, pinhole.v), p.pinhole.coordinate_formats):
+            pipeline.give(name, value, q.fraction_bits, p.pinhole.latency)
+        for step in p.steps:
+            pipeline.add(step)
+        m.d.comb += [self.u.eq(pipeline.value("u", p.latency)), self.v.eq(pipeline.value("v", p.latency))]
+        return m
