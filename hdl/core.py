@@ -147,6 +147,7 @@ def build(view, options, top, progress=lambda step: None):
         line_buffer={"rows": line_buffer.rows, "d_lo": line_buffer.window.d_lo, "d_hi": line_buffer.window.d_hi},
         latency_cycles=parameters.latency_cycles,
         formats={name: str(q) for name, q in datapath.formats.items()},
+        cost=dataclasses.asdict(datapath.cost),
         max_error_requested=options.max_error,
         error=error,
         considered=[

@@ -262,6 +262,12 @@ def considered(plan):
     return table
 
 
+def estimate(cost):
+    """A `CostEntry` in words, without what there is none of."""
+    units = (("lut", "LUT"), ("ff", "FF"), ("ramb18", "RAMB18"), ("dsp", "DSP"))
+    return ", ".join(f"{getattr(cost, name)} {unit}" for name, unit in units if getattr(cost, name))
+
+
 def dropped(plan):
     """How far the lens that was left out moves pixels, in words."""
     size = plan.distortion_dropped
@@ -286,6 +292,7 @@ def summary(cores, directory):
                     for core, plan in zip(cores, plans)
                 ],
             ),
+            ("coordinates, estimated", [estimate(plan.cost) for plan in plans]),
             ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
             *(
                 [("lens left out, up to", [dropped(plan) for plan in plans])]

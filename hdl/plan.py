@@ -125,6 +125,7 @@ class Plan(_Entry):
     line_buffer: LineBufferEntry
     latency_cycles: int
     formats: dict[str, str]
+    cost: CostEntry
     max_error_requested: float | None
     error: ErrorEntry
     considered: list[ConsideredEntry]

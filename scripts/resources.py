@@ -1,40 +1,66 @@
-"""``python -m scripts.resources``: what each datapath's core takes on a Virtex-7, next to the paper's Table 2."""
+"""``python -m scripts.resources``: Table 2, what each datapath's core takes on a Virtex-7, next to the paper's figures.
+
+And the ladder: what the coordinates alone take, and how exact they are.
+"""
 
 import dataclasses
-import json
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import reduce
+from operator import sub
 from pathlib import Path
 
 import rich_click as click
-from rich.console import Console
-from rich.table import Table
 
 from hdl import calibration
 from hdl.cli import SizeType, run, steps
-from hdl.core import Options, build
+from hdl.core import Core, Options, build
 from hdl.datapaths import DATAPATHS
-from hdl.errors import InputError
+from hdl.datapaths.base import fitted_budget
+from hdl.errors import BudgetError, InputError
 from hdl.rectification import rectify
 from scripts import readme
-from scripts.synthesis import conditions, synthesise
+from scripts.synthesis import conditions, synthesise, synthesise_block
+from scripts.tables import json_option, show, write_json
 
-# Hyun and Moon 2015, Table 2 (Virtex-7); it does not tell DSP and block RAM.
+# Hyun and Moon 2015, Table 2 (Virtex-7): flip-flops and LUT; it does not tell DSP and block RAM.
 PAPER = {"conventional": (12837, 9508), "proposed": (593, 3718)}
-HEADINGS = ("core", "FF", "LUT", "DSP", "RAMB18", "RAMB36", "rows", "error u, v")
+# Submodules of a core, as blocks that people know.
+BLOCKS = {"datapath": "coordinates", "line_buffer": "line buffer", "bilinear": "interpolator"}
+REST = "stream"
+CELLS = ("ff", "lut", "srl", "lut_ram", "carry4", "dsp", "ramb18", "ramb36")
+CELL_HEADINGS = ("FF", "LUT", "SRL", "LUT RAM", "CARRY4", "DSP", "RAMB18", "RAMB36")
+HEADINGS = ("core", *CELL_HEADINGS, "rows", "error u, v")
+LADDER_HEADINGS = ("datapath", "error u, v", *CELL_HEADINGS[:2], "DSP", "RAMB18", "latency")
+
+
+@dataclass(frozen=True)
+class Job:
+    """A core to synthesise.
+
+    Members
+    -------
+    datapath : str
+    lens : bool
+    dsp_allowed : bool
+    core : hdl.core.Core
+    """
+
+    datapath: str
+    lens: bool
+    dsp_allowed: bool
+    core: Core
 
 
 @click.command()
 @click.option("--size", type=SizeType(), default="640x480", show_default=True, help="Frame size, px.")
 @click.option(
-    "--json",
-    "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Write the rows to FILE.",
+    "--datapath", "names", multiple=True, type=click.Choice(list(DATAPATHS)), help="Only this one; may be repeated."
 )
-@click.option("--readme", "update", is_flag=True, help="Write the table into the README.")
-@click.option("--check", is_flag=True, help="Fail if the README's table is not this one.")
+@json_option
+@click.option("--readme", "update", is_flag=True, help="Write the tables into the README.")
+@click.option("--check", is_flag=True, help="Fail if the README's tables are not these.")
 @click.option(
     "--cache",
     type=click.Path(path_type=Path, file_okay=False),
@@ -42,90 +68,178 @@ HEADINGS = ("core", "FF", "LUT", "DSP", "RAMB18", "RAMB36", "rows", "error u, v"
     show_default=True,
     help="Where results of synthesis are kept.",
 )
-def resources(size, json_file, update, check, cache):
-    """Synthesise the core of every datapath for the embedded rig's left camera, with and without DSP blocks."""
+def resources(size, names, json_file, update, check, cache):
+    """Synthesise the core of every datapath for the embedded rig's left camera, with and without DSP blocks.
+
+    And each of its blocks by itself.
+    """
+    if (update or check) and names:
+        raise InputError("--datapath", None, ", ".join(names), "the README's tables have all of them")
     with steps() as progress:
-        rows = measure(size, cache, progress)
-    if json_file:
-        json_file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
-    text = as_markdown(rows, size)
-    if update:
-        readme.update("resources", text)
-    if check and not readme.is_current("resources", text):
-        click.echo("README.md: the table of resources is stale; `make readme` renews it", err=True)
-        sys.exit(1)
-    table = Table(title=caption(size), title_justify="left")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="left" if heading == "core" else "right")
-    for row in table_rows(rows):
-        table.add_row(*row)
-    Console().print(table)
+        rows, refusals = measure(size, names or DATAPATHS, cache, progress)
+    write_json(json_file, rows)
+    parts = {"resources": as_markdown(rows, refusals, size), "ladder": ladder_as_markdown(rows, size)}
+    for name, text in parts.items():
+        if update:
+            readme.update(name, text)
+        if check and not readme.is_current(name, text):
+            click.echo(f"README.md: the table of {name} is stale; `make readme` renews it", err=True)
+            sys.exit(1)
+    show(caption(size), HEADINGS, core_rows(rows))
+    title = f"Blocks, each by itself; {REST}: the rest of the core, less what is saved where blocks meet"
+    show(title, ("core", "block", *CELL_HEADINGS), block_rows(rows), texts=2)
+    show("Coordinates alone", LADDER_HEADINGS, ladder_rows(rows))
+    for line in (*refusals, ratios(rows)):
+        click.echo(line)
 
 
-def measure(size, cache, progress):
-    """One dict a run: datapath, lens, scope, frame, whether DSP blocks were allowed, the cells, and the core's
-    error."""
-    rig = calibration.embedded(size)
-    cores = {}
+def measure(size, names, cache, progress):
+    """The measured rows, and a line for each datapath that builds no such core.
+
+    A row is a dict: datapath, lens, scope ("core" or a block), width, height, whether DSP blocks were allowed, and the
+    cells; for the core also its largest error, the rows of its line buffer and the datapath's latency.
+    """
+    jobs, refusals = [], []
     for lens in (False, True):
-        view = rectify(rig, lens=lens)["left"]
-        for name, kind in DATAPATHS.items():
-            if lens and not kind.supports_lens:
+        view = rectify(calibration.embedded(size), lens=lens)["left"]
+        for name in names:
+            if lens and not DATAPATHS[name].supports_lens:
                 continue
             try:
-                cores[name, lens] = build(
-                    view, Options(name), f"rectify_{name}", lambda step, name=name: progress(f"{name}: {step}")
-                )
+                jobs += _jobs(view, name, progress)
             except InputError as refusal:
-                print(f"{name} {'with' if lens else 'without'} the lens is left out: {refusal}", file=sys.stderr)
-    progress(f"synthesis of {2 * len(cores)} cores")
-    runs = [(name, lens, core, dsp) for (name, lens), core in cores.items() for dsp in (False, True)]
+                refusals.append(f"{name}, {'with' if lens else 'without'} the lens: {refusal.problem}")
+    rows = []
     with ThreadPoolExecutor(2) as pool:
-        cells = pool.map(lambda job: synthesise(job[2].verilog, job[2].plan.top, dsp=job[3], cache=cache), runs)
-        return [
-            {
-                "datapath": name,
-                "lens": lens,
-                "scope": "core",
-                "width": size[0],
-                "height": size[1],
-                "dsp_allowed": dsp,
-                **dataclasses.asdict(found),
-                "error": {axis: getattr(core.plan.error, axis).max for axis in "uv"},
-                "rows": core.plan.line_buffer.rows,
-            }
-            for (name, lens, core, dsp), found in zip(runs, cells)
-        ]
+        for number, found in enumerate(pool.map(lambda job: _cells(job, cache), jobs)):
+            progress(f"synthesis: {number + 1} of {len(jobs)} cores")
+            rows += found
+    return rows, refusals
 
 
-def table_rows(rows):
-    """The rows of the table, as text, the paper's first."""
-    for name, (ff, lut) in PAPER.items():
-        yield f"{name}, the paper's", str(ff), str(lut), *["?"] * 4, "-" if name == "conventional" else "3, 2"
-    for row in rows:
-        # Where nothing can be put into DSP blocks the second run would be the first again.
-        if row["dsp_allowed"] and not row["dsp"]:
-            continue
-        yield (
-            row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp"] else ""),
-            *(str(row[cell]) for cell in ("ff", "lut", "dsp", "ramb18", "ramb36", "rows")),
-            "{u:.3f}, {v:.3f}".format(**row["error"]),
+def _jobs(view, name, progress):
+    for dsp in (False, True):
+        progress(f"{name}, {'with' if view.lens else 'without'} the lens")
+        yield Job(
+            name, view.lens, dsp, _within_budget(view, Options(name, fitted_budget(Options.fraction_bits), dsp=dsp))
         )
+
+
+def _within_budget(view, options):
+    """The core within the budget that all have in common; without one where the rig and not the hardware decides."""
+    try:
+        return build(view, options, "core")
+    except BudgetError:
+        return build(view, dataclasses.replace(options, max_error=None), "core")
+
+
+def _cells(job, cache):
+    top = job.core.plan.top
+    whole = synthesise(job.core.verilog, top, dsp=job.dsp_allowed, cache=cache)
+    blocks = {
+        title: synthesise_block(job.core.verilog, f"{top}_{module}", dsp=job.dsp_allowed, cache=cache)
+        for module, title in BLOCKS.items()
+    }
+    blocks[REST] = reduce(sub, blocks.values(), whole)
+    plan = job.core.plan
+    common = {
+        "datapath": job.datapath,
+        "lens": job.lens,
+        "width": plan.width,
+        "height": plan.height,
+        "dsp_allowed": job.dsp_allowed,
+    }
+    yield {
+        **common,
+        "scope": "core",
+        **dataclasses.asdict(whole),
+        "error": {axis: getattr(plan.error, axis).max for axis in "uv"},
+        "rows": plan.line_buffer.rows,
+        "latency": job.core.parameters.datapath.latency,
+    }
+    for block, cells in blocks.items():
+        yield {**common, "scope": block, **dataclasses.asdict(cells)}
+
+
+def _title(row):
+    return row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp_allowed"] else "")
+
+
+def _error(row):
+    return "{u:.3f}, {v:.3f}".format(**row["error"])
+
+
+def _of(rows, *scopes):
+    """The rows of these scopes; without those in which DSP blocks were allowed and the core has use for none."""
+    useful = {_title(row) for row in rows if row["scope"] == "core" and (row["dsp"] or not row["dsp_allowed"])}
+    return [row for row in rows if row["scope"] in scopes and _title(row) in useful]
+
+
+def core_rows(rows):
+    """The rows of Table 2, as text, the paper's first."""
+    for name, (ff, lut) in PAPER.items():
+        yield f"{name}, the paper's", ff, lut, *["?"] * 7, "-" if name == "conventional" else "3, 2"
+    for row in _of(rows, "core"):
+        yield _title(row), *(row[cell] for cell in CELLS), row["rows"], _error(row)
+
+
+def block_rows(rows):
+    """What each block takes, as text."""
+    for row in _of(rows, *BLOCKS.values(), REST):
+        yield _title(row), row["scope"], *(row[cell] for cell in CELLS)
+
+
+def ladder_rows(rows):
+    """The rows of the ladder, as text: coordinates alone, the errors they make."""
+    cores = {_title(row): row for row in _of(rows, "core")}
+    for row in _of(rows, "coordinates"):
+        core = cores[_title(row)]
+        ramb18 = row["ramb18"] + 2 * row["ramb36"]
+        yield _title(row), _error(core), row["ff"], row["lut"], row["dsp"], ramb18, core["latency"]
+
+
+def ratios(rows):
+    """What `proposed` takes of `conventional`, here and in the paper; empty where one of them was not measured."""
+    found = {
+        row["datapath"]: (row["ff"], row["lut"])
+        for row in _of(rows, "core")
+        if not row["lens"] and not row["dsp_allowed"]
+    }
+    if not PAPER.keys() <= found.keys():
+        return ""
+
+    def share(figures):
+        ff, lut = (100 * ours / theirs for ours, theirs in zip(figures["proposed"], figures["conventional"]))
+        return f"{ff:.0f} % of the flip-flops and {lut:.0f} % of the LUT"
+
+    return f"proposed takes {share(found)} of conventional; in the paper {share(PAPER)}."
 
 
 def caption(size):
     """The conditions of the figures."""
     return (
         f"Whole cores with AXI4-Stream, line buffer and borders, {size[0]}x{size[1]}, 8 bit, embedded rig, left "
-        f"camera. {conditions(dsp=False)} (without -nodsp where DSP blocks are allowed); LUT: inverters and the "
-        "SRL included. Error: largest, px."
+        f"camera, each within {fitted_budget(Options.fraction_bits):g} px where the datapath can be. "
+        f"{conditions(dsp=False)}; with DSP: without -nodsp. LUT: all of them, inverters, "
+        "shift registers (SRL) and memory (LUT RAM) included. Error: largest, px."
     )
 
 
-def as_markdown(rows, size):
-    """The README's table."""
-    table = readme.markdown(HEADINGS, table_rows(rows))
-    return f"{table}\n\n{caption(size)} The paper's rows: its Table 2, and Table 1 for the error."
+def as_markdown(rows, refusals, size):
+    """Table 2 as the README has it."""
+    table = readme.markdown(HEADINGS, core_rows(rows))
+    sentences = [caption(size), "The paper's rows: its Table 2, and Table 1 for the error.", ratios(rows)]
+    sentences += [f"Not built: {refusal}." for refusal in refusals]
+    return f"{table}\n\n{' '.join(sentences)}"
+
+
+def ladder_as_markdown(rows, size):
+    """The ladder as the README has it."""
+    table = readme.markdown(LADDER_HEADINGS, ladder_rows(rows))
+    return (
+        f"{table}\n\nCoordinates alone, both of them: {size[0]}x{size[1]}, embedded rig, left camera, "
+        "otherwise as above. RAMB18: a RAMB36 counts as two. Latency in clocks."
+    )
 
 
 if __name__ == "__main__":

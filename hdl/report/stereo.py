@@ -1,0 +1,116 @@
+"""What the errors of two cores mean for stereo: disparity, depth and row differences at given distances."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdl.errors import InputError
+from hdl.plan_file import baseline_of
+
+# Disparities between which the default distances lie: a share of the width, and px.
+_NEAREST, _FARTHEST = 0.25, 2.0
+
+
+@dataclass(frozen=True)
+class AtDistance:
+    """Errors at one distance, over all pixels of the left rectified image whose match the right one shows.
+
+    Members
+    -------
+    distance : float
+        In the calibration's unit.
+    disparity : float
+        px.
+    share : float
+        Of the left image's pixels: those that are counted.
+    disparity_mean, disparity_max : float
+        Magnitude of the disparity's error, px.
+    depth_mean, depth_max : float
+        Magnitude of the depth error that follows, Z^2/(f B) times that of the disparity; in the calibration's unit.
+    row_mean, row_max : float
+        Magnitude of the difference between the rows of matching points, px.
+    """
+
+    distance: float
+    disparity: float
+    share: float
+    disparity_mean: float
+    disparity_max: float
+    depth_mean: float
+    depth_max: float
+    row_mean: float
+    row_max: float
+
+
+def displacement(core, errors):
+    """How far off the rectified image shows what it shows, px: (x, y), each (height, width), NaN where not counted.
+
+    The core reads pixel p at the exact map's source of p + displacement, so that content appears that much too far to
+    the left and above. To first order: the inverse Jacobian of the exact map, times the error of the source
+    coordinates (`hdl.report.figures.coordinate_errors`).
+    """
+    u, v = core.exact
+    (uy, ux), (vy, vx) = np.gradient(u), np.gradient(v)
+    determinant = ux * vy - uy * vx
+    return (
+        (vy * errors["u"] - uy * errors["v"]) / determinant,
+        (ux * errors["v"] - vx * errors["u"]) / determinant,
+    )
+
+
+def geometry(left, right):
+    """Focal length (px), baseline (calibration's unit) and offset of the principal points (px), of two `View`s."""
+    return left.P[0, 0], baseline_of(left, right), left.P[0, 2] - right.P[0, 2]
+
+
+def default_distances(focal, baseline, width):
+    """1, 2, 5, 10 ... times a power of ten, from disparities of a quarter of the width down to 2 px."""
+    nearest, farthest = (focal * baseline / disparity for disparity in (_NEAREST * width, _FARTHEST))
+    decades = range(int(np.floor(np.log10(nearest))), int(np.ceil(np.log10(farthest))) + 1)
+    found = [digit * 10.0**decade for decade in decades for digit in (1, 2, 5)]
+    return [distance for distance in found if nearest <= distance <= farthest]
+
+
+def at_distances(views, displacements, distances):
+    """`AtDistance` for each of the ``distances``; ``views`` and ``displacements`` by side.
+
+    Raises
+    ------
+    InputError
+        For a distance at which no point is in both images.
+    """
+    focal, baseline, offset = geometry(views["left"], views["right"])
+    height, width = displacements["left"][0].shape
+    found = []
+    for distance in distances:
+        disparity = focal * baseline / distance
+        # The right image shows the point this many columns further left, to the nearest pixel.
+        shift = round(disparity + offset)
+        first, last = max(0, shift), min(width, width + shift)
+        if last <= first:
+            problem = f"the disparity there is {disparity:.4g} px, beyond the {width} px of the image"
+            raise InputError("--distances", None, f"{distance:g}", problem)
+        columns = {"left": slice(first, last), "right": slice(first - shift, last - shift)}
+        dx, dy = (
+            np.abs(displacements["left"][axis][:, columns["left"]] - displacements["right"][axis][:, columns["right"]])
+            for axis in (0, 1)
+        )
+        counted = np.isfinite(dx)
+        if not counted.any():
+            raise InputError("--distances", None, f"{distance:g}", "no point there has its source in both images")
+        dx, dy = dx[counted], dy[counted]
+        depth = distance**2 / (focal * baseline)
+        found.append(
+            AtDistance(
+                float(distance),
+                float(disparity),
+                counted.sum() / (height * width),
+                float(dx.mean()),
+                float(dx.max()),
+                float(dx.mean() * depth),
+                float(dx.max() * depth),
+                float(dy.mean()),
+                float(dy.max()),
+            )
+        )
+    return found
