@@ -11,7 +11,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from hdl.coordinates import Border
-from hdl.errors import InputError
+from hdl.errors import InputError, ToolError
 from hdl.rectification import RectificationOptions
 
 LEAST_SIZE, GREATEST_SIZE = 32, 8192
@@ -96,7 +96,8 @@ def note(text):
 
 
 def run(command, arguments=None):
-    """Run a click command; anything wrong with the input is one line on stderr and exit status 2.
+    """Run a click command; anything wrong with the input is one line on stderr and exit status 2, a tool that
+    fails one with status 1.
 
     ``arguments``: list of str; default: the process's own.
     """
@@ -108,16 +109,18 @@ def run(command, arguments=None):
         _fail(str(error))
     except OSError as error:
         _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+    except ToolError as error:
+        _fail(str(error), status=1)
     except (click.Abort, KeyboardInterrupt):
         Console(stderr=True).print("interrupted")
         sys.exit(130)
 
 
-def _fail(message):
+def _fail(message, status=2):
     Console(stderr=True, soft_wrap=True, highlight=False).print(
         "[bold red]error:[/]", " ".join(message.split()).replace("[", r"\[")
     )
-    sys.exit(2)
+    sys.exit(status)
 
 
 def camera_table(title, sides, rows):

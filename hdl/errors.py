@@ -36,6 +36,11 @@ def _one_line(value, limit=80):
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
+class ToolError(RuntimeError):
+    """A tool that failed where the input is not to blame. ``str(error)`` is one line: the tool's own error line, and
+    where its log is."""
+
+
 class BudgetError(InputError):
     """A datapath that cannot be as exact as asked.
 

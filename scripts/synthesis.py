@@ -71,7 +71,7 @@ def _command(top, dsp):
 def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     """`Resources` of the module ``top`` of a Verilog text; ``dsp`` allows multipliers in DSP blocks.
 
-    Results are cached by content. Raises RuntimeError with Yosys's own error line and the log's path.
+    Results are cached by content. Raises ToolError with Yosys's own error line and the log's path.
     """
     command = _command(top, dsp)
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]

@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 
 from hdl import yosys
+from hdl.errors import ToolError
 from sim.beats import BEAT, StreamError, to_beats
 
 # check -assert refuses combinational loops, which might never settle, and nets with no driver or with several.
@@ -47,7 +48,7 @@ _PORTS = {
 }
 
 
-class CompileError(RuntimeError):
+class CompileError(ToolError):
     """A core that cannot be built. The message has the tool, its first error line, and the path of the log."""
 
 
@@ -309,7 +310,7 @@ def _build(text, top, command, library):
         (work / "core.v").write_bytes(text)
         try:
             yosys.run(_PASSES.format(top=top), work)
-        except RuntimeError as error:
+        except ToolError as error:
             os.replace(work / "yosys.log", log)
             message = str(error).replace(str(work / "yosys.log"), str(log))
             # check -assert only counts what the warnings before it say.

@@ -4,14 +4,17 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import rich_click as click
 
 from hdl.cli import run
 from hdl.generate import generate
 from hdl.plan import Plan
+from scripts.synthesis import synthesise
 from sim.run import simulate
 
 
@@ -180,3 +183,11 @@ def test_simulation_needs_both_images_of_the_right_size(folder, run_command):
     assert run_command(simulate, "--left text.png --right text.png")[2] == (
         "error: text.png: is not an image that OpenCV can read\n"
     )
+
+
+def test_a_yosys_that_fails_shows_its_own_error_line_and_its_log(folder, run_command):
+    command = click.Command("broken", callback=lambda: synthesise("module core(;\nendmodule\n", "core", cache=folder))
+    status, _, err = run_command(command, "")
+    assert status == 1
+    log = re.fullmatch(r"error: Yosys: core\.v:1: ERROR: syntax error.* \(log: (\S+)\)\n", err).group(1)
+    assert "syntax error" in Path(log).read_text()

@@ -13,7 +13,6 @@ from hdl.errors import InputError
 from hdl.plan_file import load_folder
 from hdl.report.measure import measure
 from hdl.report.page import page
-from sim.engine import CompileError
 
 
 class DistancesType(click.ParamType):
@@ -93,18 +92,15 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
         if file and file.resolve() in read:
             raise InputError(option, None, file, "is one of the files that are reported on")
     with steps() as progress:
-        try:
-            found = measure(
-                planned,
-                images=images,
-                clock_mhz=clock,
-                distances=distances,
-                synthesis=synthesis,
-                cache=folder / "cache",
-                progress=progress,
-            )
-        except CompileError as error:
-            raise InputError(None, None, None, str(error)) from error
+        found = measure(
+            planned,
+            images=images,
+            clock_mhz=clock,
+            distances=distances,
+            synthesis=synthesis,
+            cache=folder / "cache",
+            progress=progress,
+        )
         progress("page")
         _write(output, page(found))
         if json_file:
