@@ -20,8 +20,8 @@ from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import BudgetError, InputError
 from hdl.rectification import rectify
+from hdl.synthesis import conditions, synthesise, synthesise_block
 from scripts import readme
-from scripts.synthesis import conditions, synthesise, synthesise_block
 from scripts.tables import json_option, show, write_json
 
 # Hyun and Moon 2015, Table 2 (Virtex-7): flip-flops and LUT; it does not tell DSP and block RAM.
@@ -111,7 +111,7 @@ def measure(size, names, cache, progress):
                 refusals.append(f"{name}, {'with' if lens else 'without'} the lens: {refusal.problem}")
     rows = []
     with ThreadPoolExecutor(2) as pool:
-        for number, found in enumerate(pool.map(lambda job: _cells(job, cache), jobs)):
+        for number, found in enumerate(pool.map(lambda job: list(cells(job, cache)), jobs)):
             progress(f"synthesis: {number + 1} of {len(jobs)} cores")
             rows += found
     return rows, refusals
@@ -133,7 +133,8 @@ def _within_budget(view, options):
         return build(view, dataclasses.replace(options, max_error=None), "core")
 
 
-def _cells(job, cache):
+def cells(job, cache):
+    """The rows of one core, as `measure` returns them."""
     top = job.core.plan.top
     whole = synthesise(job.core.verilog, top, dsp=job.dsp_allowed, cache=cache)
     blocks = {
@@ -157,8 +158,8 @@ def _cells(job, cache):
         "rows": plan.line_buffer.rows,
         "latency": job.core.parameters.datapath.latency,
     }
-    for block, cells in blocks.items():
-        yield {**common, "scope": block, **dataclasses.asdict(cells)}
+    for block, taken in blocks.items():
+        yield {**common, "scope": block, **dataclasses.asdict(taken)}
 
 
 def _title(row):

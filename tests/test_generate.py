@@ -14,7 +14,7 @@ import rich_click as click
 from hdl.cli import run
 from hdl.generate import generate
 from hdl.plan import Plan
-from scripts.synthesis import synthesise
+from hdl.synthesis import synthesise
 from sim.run import simulate
 
 

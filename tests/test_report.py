@@ -28,7 +28,7 @@ from hdl.report import figures, stereo, wiring
 from hdl.report.__main__ import report as command
 from hdl.report.measure import jpeg
 from hdl.report.page import page
-from scripts.synthesis import Resources
+from hdl.synthesis import Resources
 from sim.alignment import rectified_positions
 
 BUDGET = Options(max_error=0.1)

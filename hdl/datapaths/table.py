@@ -47,13 +47,7 @@ class Table(Datapath):
     def fit(cls, view, fraction_bits, max_error=None):
         if max_error is not None:
             check_budget(max_error, fraction_bits)
-        # All that lies outside the image is the border's, however far.
-        u, v = (
-            np.clip(np.floor(exact * 2.0**fraction_bits + 0.5), -1 << fraction_bits, size << fraction_bits)
-            for exact, size in zip(view.map(), (view.width, view.height))
-        )
-        coordinates = Coordinates(u.astype(np.int32), v.astype(np.int32), fraction_bits)
-        table = cls(view.width, view.height, fraction_bits, coordinates)
+        table = cls.of(view, fraction_bits)
         if table.entries > MOST_ENTRIES:
             raise InputError(
                 "--size",
@@ -63,6 +57,17 @@ class Table(Datapath):
                 f"Mbit; more than {MOST_ENTRIES} entries are not built",
             )
         return table
+
+    @classmethod
+    def of(cls, view, fraction_bits):
+        """The table for ``view``, of any size: for its figures, where it is too large to be built."""
+        # All that lies outside the image is the border's, however far.
+        u, v = (
+            np.clip(np.floor(exact * 2.0**fraction_bits + 0.5), -1 << fraction_bits, size << fraction_bits)
+            for exact, size in zip(view.map(), (view.width, view.height))
+        )
+        coordinates = Coordinates(u.astype(np.int32), v.astype(np.int32), fraction_bits)
+        return cls(view.width, view.height, fraction_bits, coordinates)
 
     @property
     def coordinates(self):

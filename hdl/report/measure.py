@@ -13,7 +13,7 @@ from hdl.core import Core
 from hdl.errors import InputError
 from hdl.plan_file import PlannedCore, stereo_rig
 from hdl.report import figures, stereo
-from scripts.synthesis import Resources, synthesise
+from hdl.synthesis import Resources, synthesise
 from sim.engine import compile_core
 from sim.run import Result, frame_through, known_rows, read_image
 from sim.scene import render

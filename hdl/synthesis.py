@@ -95,17 +95,18 @@ def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):
     carry chain that it finds declared first, and flattening turns the order round. Alone at the top the interpolator
     takes half as many look-up tables again.
     """
-    modules = {found.group(1): found.group() for found in re.finditer(r"^module (\w+) .*?^endmodule", verilog, _BLOCK)}
+    modules = {found.group(1): found.group() for found in re.finditer(r"^module (\w+)\b.*?^endmodule", verilog, _BLOCK)}
     needed, rest = [], [module]
     while rest:
         needed.append(rest.pop())
-        rest += [name for name in modules if re.search(rf"^  {name} ", modules[needed[-1]], re.MULTILINE)]
-    ports = re.findall(r"^  (?:input|output) .*?(\w+) ?;", modules[module], re.MULTILINE)
-    declarations = re.findall(r"^  (?:input|output) .*?;", modules[module], re.MULTILINE)
+        found = (name for name in modules if re.search(rf"^  {name} ", modules[needed[-1]], re.MULTILINE))
+        rest += [name for name in found if name not in (*needed, *rest)]
+    ports = re.search(r"\((.*?)\);", modules[module], re.DOTALL).group(1)
+    names = [port.strip() for port in ports.split(",")]
     around = [
-        f"module alone({', '.join(ports)});",
-        *declarations,
-        f"  {module} inside({', '.join(f'.{port}({port})' for port in ports)});",
+        f"module alone({ports});",
+        *re.findall(r"^  (?:input|output) .*?;", modules[module], re.MULTILINE),
+        f"  {module} inside({', '.join(f'.{name} ({name} )' for name in names)});",
         "endmodule",
     ]
     return synthesise("\n".join([*map(modules.get, needed), *around, ""]), "alone", dsp=dsp, cache=cache)

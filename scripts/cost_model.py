@@ -1,0 +1,125 @@
+"""``python -m scripts.cost_model``: the estimates by which ``--datapath auto`` chooses, against Yosys."""
+
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import rich_click as click
+
+from hdl import calibration
+from hdl.cli import run, steps
+from hdl.core import Options, build
+from hdl.datapaths import DATAPATHS
+from hdl.errors import InputError
+from hdl.rectification import rectify
+from hdl.synthesis import conditions, synthesise
+from scripts import reference_rigs
+from scripts.tables import json_option, show, write_json
+
+SIZES = ((160, 120), (640, 480), (1280, 960))  # px, of the embedded rig
+HEADINGS = ("rig", "camera", "datapath", "lens", "LUT", "Yosys", "off", "FF", "Yosys", "off", "RAMB18", "Yosys", "DSP",
+            "Yosys")  # fmt: skip
+CELLS = ("lut", "ff", "ramb18", "dsp")
+
+
+@click.command()
+@click.option(
+    "--datapath", "names", multiple=True, type=click.Choice(list(DATAPATHS)), help="Only this one; may be repeated."
+)
+@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@json_option
+@click.option(
+    "--cache",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("build/cache"),
+    show_default=True,
+    help="Where results of synthesis are kept.",
+)
+def cost_model(names, data, json_file, cache):
+    """Estimated and synthesised cost of the coordinate hardware, for the embedded rig at several sizes and, where they
+    are there, for the reference rigs."""
+    with steps() as progress:
+        rows = measure(_rigs(data), names or DATAPATHS, cache, progress)
+    write_json(json_file, rows)
+    show(f"Coordinates alone. {conditions(dsp=False)}", HEADINGS, map(as_text, rows), texts=4)
+    for line in summary(rows):
+        click.echo(line)
+
+
+def _rigs(data):
+    """(name, Rig) of each."""
+    for size in SIZES:
+        yield f"embedded, {size[0]}x{size[1]}", calibration.embedded(size)
+    if data.is_dir():
+        for name in reference_rigs.CALIBRATIONS:
+            yield name, reference_rigs.load(name, data)
+
+
+def measure(rigs, names, cache, progress):
+    """One dict a core: rig, side, datapath, lens, and the ``estimated`` and ``synthesised`` cells."""
+    jobs = []
+    for rig_name, rig in rigs:
+        for lens in (False, True):
+            view = rectify(rig, lens=lens)["left"]
+            for name in names:
+                if lens and not DATAPATHS[name].supports_lens:
+                    continue
+                progress(f"{rig_name}: {name}")
+                try:
+                    core = build(view, Options(name, dsp=False), "core")
+                except InputError:
+                    continue  # this datapath cannot do it for this rig, so nobody chooses by its cost
+                jobs.append((rig_name, view, core))
+    rows = []
+    with ThreadPoolExecutor(2) as pool:
+        cells = pool.map(lambda job: synthesise(job[2].verilog, "core_datapath", cache=cache), jobs)
+        for (rig_name, view, core), found in zip(jobs, cells):
+            progress(f"synthesis: {len(rows) + 1} of {len(jobs)}")
+            cost = core.parameters.datapath.cost
+            rows.append(
+                {
+                    "rig": rig_name,
+                    "side": view.side,
+                    "datapath": core.plan.datapath,
+                    "lens": view.lens,
+                    "estimated": {cell: getattr(cost, cell) for cell in CELLS},
+                    "synthesised": {
+                        "lut": found.lut, "ff": found.ff, "ramb18": found.ramb18 + 2 * found.ramb36, "dsp": found.dsp
+                    },
+                }
+            )  # fmt: skip
+    return rows
+
+
+def off(row, cell):
+    """The estimate's relative error."""
+    return row["estimated"][cell] / max(row["synthesised"][cell], 1) - 1
+
+
+def as_text(row):
+    """A row of the table."""
+    estimated, synthesised = row["estimated"], row["synthesised"]
+    logic = [
+        text
+        for cell in ("lut", "ff")
+        for text in (estimated[cell], synthesised[cell], f"{100 * off(row, cell):+.0f} %")
+    ]
+    others = [side[cell] for cell in ("ramb18", "dsp") for side in (estimated, synthesised)]
+    return row["rig"], row["side"], row["datapath"], "yes" if row["lens"] else "no", *logic, *others
+
+
+def summary(rows):
+    """A line for each datapath: how far off the estimate is."""
+    for name in dict.fromkeys(row["datapath"] for row in rows):
+        own = [row for row in rows if row["datapath"] == name]
+        figures = []
+        for cell in ("lut", "ff"):
+            errors = np.abs([off(row, cell) for row in own])
+            figures.append(
+                f"{cell.upper()} off by {100 * errors.mean():.1f} % on average, {100 * errors.max():.0f} % at most"
+            )
+        yield f"{name}, {len(own)} cores: {'; '.join(figures)}"
+
+
+if __name__ == "__main__":
+    run(cost_model)
