@@ -1,5 +1,5 @@
 # make        set up a local environment, build the example rig's cores, run a frame through each
-# make test   set up and run all tests
+# make test   set up, run all tests, see that the README's tables are current
 # make readme bring the README's tables and picture up to date
 # make clean  remove what was generated, the environment too
 
@@ -16,9 +16,12 @@ demo: $(VENV)/ready
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/ruff check
-	$(BIN)/python -m pytest --numprocesses auto
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto
+	$(BIN)/python -m scripts.table1 --check
+	$(BIN)/python -m scripts.resources --check
 
 readme: $(VENV)/ready
+	$(BIN)/python -m scripts.table1 --readme
 	$(BIN)/python -m scripts.resources --readme
 	$(BIN)/python -m scripts.picture
 

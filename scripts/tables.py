@@ -32,5 +32,4 @@ def show(title, headings, rows, texts=1):
         table.add_column(heading, justify="left" if index < texts else "right")
     for row in rows:
         table.add_row(*map(str, row))
-    console = Console()
-    console.print(table, width=None if console.is_terminal else WIDTH)
+    Console(width=None if Console().is_terminal else WIDTH).print(table)
