@@ -46,7 +46,7 @@ class BudgetError(InputError):
 
     Parameters
     ----------
-    budget : float
+    budget : float or str
         What was asked, px.
     reached : float
         The least largest error that it can have, px.
@@ -56,4 +56,4 @@ class BudgetError(InputError):
 
     def __init__(self, budget, reached, who):
         super().__init__("--max-error", None, budget, f"{who} reaches {reached:.3g} px and no less")
-        self.reached = reached
+        self.budget, self.reached, self.who = budget, reached, who

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from hdl.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
 from hdl.datapaths.base import check_budget, fitted_budget
-from hdl.errors import InputError
+from hdl.errors import BudgetError, InputError
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,18 @@ class Considered:
 
 def fit(name, view, fraction_bits, max_error, dsp=True):
     """`Datapath.fit` of the datapath ``name``, whose multiplications, where it has any, become ``dsp`` or adders."""
-    datapath = DATAPATHS[name].fit(view, fraction_bits, max_error)
+    try:
+        datapath = DATAPATHS[name].fit(view, fraction_bits, max_error)
+    except BudgetError as refusal:
+        if max_error is None:
+            raise BudgetError(_default(refusal.budget), refusal.reached, refusal.who) from None
+        raise
     return replace(datapath, dsp=dsp) if hasattr(datapath, "dsp") else datapath
+
+
+def _default(budget):
+    """How a message names a budget that the user did not give."""
+    return f"{budget:g}, the default"
 
 
 def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp=True):
@@ -89,7 +99,7 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp
         raise InputError(
             "--max-error",
             None,
-            budget,
+            _default(budget) if max_error is None else budget,
             f"no datapath meets it for the {view.side} camera; "
             + (
                 f"{reached.name} comes closest with {reached.error:.3g} px" if reached else "none gives an error at all"

@@ -127,6 +127,14 @@ def test_two_runs_write_the_same_bytes(folder, run_command):
             "--max-error: 0.1: proposed for the left camera reaches 2.93 px and no less",
         ),
         (
+            "--datapath spline --size 64x48",
+            "--max-error: 0.05, the default: spline for the left camera reaches 0.069 px and no less",
+        ),
+        (
+            "--size 480x360 --max-error 0.0157",
+            "--max-error: 0.0157: no datapath meets it for the left camera; conventional comes closest with 0.0158 px",
+        ),
+        (
             "--datapath proposed --max-line-buffer-kib 1",
             "--max-line-buffer-kib: 1: the left camera's map bends rows so far that 24 rows are needed, 15 KiB",
         ),
