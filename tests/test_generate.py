@@ -131,7 +131,7 @@ def test_two_runs_write_the_same_bytes(folder, run_command):
             "--max-error: 0.05, the default: spline for the left camera reaches 0.069 px and no less",
         ),
         (
-            "--size 480x360 --max-error 0.0157",
+            "--max-error 0.0157",
             "--max-error: 0.0157: no datapath meets it for the left camera; conventional comes closest with 0.0158 px",
         ),
         (
