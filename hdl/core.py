@@ -2,15 +2,18 @@
 
 import dataclasses
 import hashlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from hdl import verilog
 from hdl.coordinates import Border
+from hdl.cost import GOALS
+from hdl.datapaths import DATAPATHS
 from hdl.errors import BudgetError, InputError
 from hdl.plan import PLAN_VERSION, Plan
-from hdl.rectifier import Rectifier, RectifierParameters
+from hdl.rectifier import PIXEL_FORMATS, Rectifier, RectifierParameters
 from hdl.row_minimisation import loss
 from hdl.selection import choose, fit
 
@@ -35,6 +38,11 @@ class Options:
         Largest allowed line memory, KiB.
     dsp : bool
         Whether multiplications are left to the synthesis tool, which puts them into DSP blocks; else adders make them.
+
+    Raises
+    ------
+    InputError
+        For a value that an option does not take, under the option's name.
     """
 
     datapath: str = AUTO
@@ -46,6 +54,29 @@ class Options:
     max_line_buffer_kib: int = 4096
     optimise: str = "balanced"
     dsp: bool = True
+
+    def __post_init__(self):
+        names = (AUTO, *DATAPATHS)
+        for option, value, fits, needed in (
+            ("--datapath", self.datapath, self.datapath in names, f"one of {', '.join(names)}"),
+            ("--optimise", self.optimise, self.optimise in GOALS, f"one of {', '.join(GOALS)}"),
+            (
+                "--max-error",
+                self.max_error,
+                self.max_error is None or 0 < self.max_error < math.inf,
+                "a positive number of pixels",
+            ),
+            ("--fraction-bits", self.fraction_bits, 3 <= self.fraction_bits <= 8, "3 to 8"),
+            ("--max-line-buffer-kib", self.max_line_buffer_kib, self.max_line_buffer_kib >= 1, "1 or more"),
+        ):
+            if not fits:
+                raise InputError(option, None, value, f"must be {needed}")
+        if (self.pixel_bits, self.channels) not in PIXEL_FORMATS:
+            problem = "1 channel has 8, 10, 12 or 16 bits, 3 channels have 8 each"
+            raise InputError("--pixel-bits", None, f"{self.pixel_bits} for --channels {self.channels}", problem)
+        if not 0 <= self.border.value < 2**self.pixel_bits:
+            problem = f"does not fit into {self.pixel_bits} bits"
+            raise InputError("--border", None, f"constant:{self.border.value}", problem)
 
 
 @dataclass(frozen=True)
@@ -106,7 +137,9 @@ def build(view, options, top, progress=lambda step: None):
     try:
         parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
         line_buffer = parameters.line_buffer
-    except ValueError as problem:
+    except InputError:
+        raise
+    except ValueError as problem:  # the frame is too small
         raise InputError("--size", None, f"{view.width}x{view.height}", str(problem)) from problem
     kib = line_buffer.bits / 8 / 1024
     if kib > options.max_line_buffer_kib:

@@ -1,7 +1,6 @@
 """``python -m hdl.generate``: Verilog and plan of the rectifiers for a calibrated stereo camera."""
 
 import json
-import math
 import os
 import re
 import tempfile
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hdl import calibration
+from hdl.calibration.rig import SIDES
 from hdl.cli import BorderType, SizeType, camera_table, note, rectification_options, run, steps
 from hdl.core import AUTO, Options, build
 from hdl.cost import GOALS
@@ -19,14 +19,7 @@ from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, rectify
 from hdl.rectification_notes import notes, warnings
-
-SIDES = ("left", "right")
-# Words that are identifiers to a regular expression but not to a Verilog tool.
-VERILOG_KEYWORDS = frozenset(
-    "always and assign begin buf case default defparam else end endcase endmodule event for forever function if "
-    "initial inout input integer module nand negedge nor not or output parameter posedge reg repeat signed table "
-    "task time tri wait wand while wire wor xnor xor generate genvar logic bit byte int".split()
-)
+from hdl.verilog_keywords import VERILOG_KEYWORDS
 
 
 def core_options(command):
@@ -193,20 +186,24 @@ def build_cores(
 
     ``rectification``: the arguments of `RectificationOptions`.
     """
-    if top is not None:
-        check_top(top)
-    if max_error is not None and not (math.isfinite(max_error) and max_error > 0):
-        raise InputError("--max-error", None, max_error, "must be a positive number of pixels")
+    sides = [camera] if camera else SIDES
+    tops = {side: top if camera and top else f"{top or 'rectify'}_{side}" for side in sides}
+    for name in tops.values():
+        check_top(name)
+    options = Options(
+        datapath=datapath,
+        max_error=max_error,
+        pixel_bits=int(pixel_bits),
+        channels=int(channels),
+        fraction_bits=fraction_bits,
+        border=border,
+        max_line_buffer_kib=max_line_buffer_kib,
+        optimise=optimise,
+        dsp=dsp,
+    )
     able = [AUTO, *(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)]
     if lens and datapath not in able:
         raise InputError("--lens", None, None, f"{datapath} computes no lens; these do: {', '.join(able)}")
-    if int(channels) == 3 and int(pixel_bits) != 8:
-        raise InputError("--pixel-bits", None, pixel_bits, "3 channels have 8 bits each")
-    if border.value >= 2 ** int(pixel_bits):
-        raise InputError("--border", None, f"constant:{border.value}", f"does not fit into {pixel_bits} bits")
-    options = Options(
-        datapath, max_error, int(pixel_bits), int(channels), fraction_bits, border, max_line_buffer_kib, optimise, dsp
-    )
     choices = RectificationOptions(**rectification)
     if choices.minimise:
         progress("rectification with the fewest rows")
@@ -214,13 +211,8 @@ def build_cores(
     for text in (*warnings(rig, views), *notes(rig, choices, views)):
         note(text)
     return [
-        build(
-            views[side],
-            options,
-            top if camera and top else f"{top or 'rectify'}_{side}",
-            lambda step, side=side: progress(f"{side} camera: {step}"),
-        )
-        for side in ([camera] if camera else SIDES)
+        build(views[side], options, name, lambda step, side=side: progress(f"{side} camera: {step}"))
+        for side, name in tops.items()
     ]
 
 
@@ -232,13 +224,13 @@ def load_rig(files, size, file_format, select):
 
 
 def check_top(top):
-    """Raise InputError unless ``top`` can name a Verilog module."""
+    """Raise InputError unless ``top`` can name a Verilog module, in SystemVerilog too."""
     if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,63}", top) or top in VERILOG_KEYWORDS:
         raise InputError("--top", None, top, "must be a Verilog identifier of up to 64 letters, digits and underscores")
 
 
 def write(cores, directory):
-    """Write TOP.v and TOP.json of each core; all of them or, on an error, none."""
+    """Write TOP.v and TOP.json of each core into ``directory``, all of them written elsewhere in it first."""
     directory.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=directory, prefix=".generate-") as scratch:
         for core in cores:

@@ -1,6 +1,5 @@
 """Plans read back from a folder that `hdl.generate` wrote, and the cores that they state, rebuilt."""
 
-import dataclasses
 import hashlib
 import json
 import math
@@ -75,14 +74,8 @@ class PlannedCore:
         budget = plan.max_error_requested
         if plan.considered and budget is None:
             budget = fitted_budget(plan.fraction_bits)
-        stated = {entry.name: getattr(plan, entry.name, None) for entry in dataclasses.fields(Options)}
-        options = Options(
-            **{name: value for name, value in stated.items() if value is not None}
-            | {"border": Border(plan.border.mode, plan.border.value)},
-            max_error=budget,
-            max_line_buffer_kib=2**40,
-        )
         try:
+            options = _options(plan, budget)
             core = build(self.view, options, plan.top, progress)
         except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as problem:
             raise InputError(self.file, "datapath", plan.datapath, f"cannot be rebuilt: {problem}") from problem
@@ -167,6 +160,20 @@ def baseline_of(left, right):
     return left.P[0, 3] / left.P[0, 0] - right.P[0, 3] / right.P[0, 0]
 
 
+def _options(plan, budget=None):
+    """What was asked for, as far as it decides the core."""
+    return Options(
+        datapath=plan.datapath,
+        max_error=budget,
+        pixel_bits=plan.pixel_bits,
+        channels=plan.channels,
+        fraction_bits=plan.fraction_bits,
+        border=Border(plan.border.mode, plan.border.value),
+        max_line_buffer_kib=2**40,
+        dsp=plan.dsp,
+    )
+
+
 def _check(file, plan):
     """Refuse what no generator writes, before anything is computed from it."""
     for field in ("width", "height"):
@@ -181,6 +188,10 @@ def _check(file, plan):
         raise InputError(file, "camera.D", plan.camera.D, f"{plan.camera.model} has no such coefficients")
     if plan.datapath not in DATAPATHS:
         raise InputError(file, "datapath", plan.datapath, f"is none of {', '.join(DATAPATHS)}")
+    try:
+        _options(plan)
+    except InputError as refusal:
+        raise InputError(file, None, None, str(refusal)) from None
     chosen = [entry for entry in plan.considered if entry.verdict == "chosen"]
     if plan.considered and [entry.datapath for entry in chosen] != [plan.datapath]:
         names = ", ".join(entry.datapath for entry in chosen) or "none"
@@ -230,7 +241,7 @@ def _load_core(file):
 
 def _check_pair(left, right):
     for field, index in (
-        *((name, None) for name in ("width", "height", "lens", "pixel_bits", "channels")),
+        *((name, None) for name in ("width", "height", "lens", "pixel_bits", "channels", "fraction_bits", "dsp")),
         *((f"rectification.P[{row}][{column}]", (row, column)) for row, column in ((0, 0), (1, 1), (1, 2))),
     ):
         values = [getattr(core.plan, field) if index is None else core.view.P[index] for core in (left, right)]

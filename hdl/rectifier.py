@@ -15,7 +15,8 @@ from hdl.flow import RowFlow
 from hdl.linebuffer import LineBuffer, LineBufferParameters
 from hdl.raster import Raster
 
-PIXEL_BITS = (8, 10, 12, 16)
+# (bits of a channel, channels)
+PIXEL_FORMATS = ((8, 1), (10, 1), (12, 1), (16, 1), (8, 3))
 
 
 @dataclass(frozen=True)
@@ -44,10 +45,9 @@ class RectifierParameters:
     border: Border = Border()
 
     def __post_init__(self):
-        if (self.pixel_bits, self.channels) not in [*((bits, 1) for bits in PIXEL_BITS), (8, 3)]:
-            raise ValueError(
-                f"pixels are 1 channel of {PIXEL_BITS} bits or 3 of 8, not {self.channels} of {self.pixel_bits}"
-            )
+        if (self.pixel_bits, self.channels) not in PIXEL_FORMATS:
+            formats = ", ".join(f"{channels}x{bits}" for bits, channels in PIXEL_FORMATS)
+            raise ValueError(f"pixels are one of {formats} bits, not {self.channels}x{self.pixel_bits}")
         if not 0 <= self.border.value < 2**self.pixel_bits:
             raise ValueError(f"border value {self.border.value} does not fit into {self.pixel_bits} bits")
         if max(self.datapath.latency + LineBuffer.latency, self.datapath.warm_up) >= self.datapath.width:

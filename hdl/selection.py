@@ -1,6 +1,6 @@
 """``--datapath auto``: the cheapest datapath that meets the budget, and why."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from hdl.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
@@ -39,7 +39,7 @@ def fit(name, view, fraction_bits, max_error, dsp=True):
         if max_error is None:
             raise BudgetError(_default(refusal.budget), refusal.reached, refusal.who) from None
         raise
-    return replace(datapath, dsp=dsp) if hasattr(datapath, "dsp") else datapath
+    return datapath.with_dsp(dsp)
 
 
 def _default(budget):
@@ -48,7 +48,8 @@ def _default(budget):
 
 
 def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp=True):
-    """The candidates for ``view`` in the order of their cost, the chosen one first.
+    """The candidates for ``view``: those within the budget in the order of their cost, the first one chosen, then the
+    others.
 
     Parameters
     ----------
@@ -80,10 +81,11 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp
         progress(f"trying {name}")
         try:
             datapath = fit(name, view, fraction_bits, budget, dsp)
+        except BudgetError as refusal:
+            others.append(Considered(name, None, refusal.reached, None, f"off by {refusal.reached:.3g} px"))
+            continue
         except InputError as refusal:
-            reached = getattr(refusal, "reached", None)
-            verdict = refusal.problem if reached is None else f"off by {reached:.3g} px"
-            others.append(Considered(name, None, reached, None, verdict))
+            others.append(Considered(name, None, None, None, refusal.problem))
             continue
         error = datapath.coordinates.error(*view.map())
         worst = max(error["u"]["max"], error["v"]["max"])

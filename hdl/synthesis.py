@@ -3,10 +3,12 @@
 import hashlib
 import json
 import re
+import tempfile
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from hdl import yosys
+from hdl.errors import ToolError
 
 _BLOCK = re.MULTILINE | re.DOTALL
 
@@ -75,16 +77,21 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     """
     command = _command(top, dsp)
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
-    work = Path(cache) / f"synthesis-{key}"
-    result = work / "cells.json"
+    result = Path(cache) / f"synthesis-{key}.json"
     if not result.exists():
-        work.mkdir(parents=True, exist_ok=True)
-        (work / "core.v").write_text(verilog, encoding="utf-8")
-        yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
-        cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
-        temporary = result.with_suffix(".tmp")
-        temporary.write_text(json.dumps(cells))
-        temporary.replace(result)
+        result.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
+            work = Path(work)
+            (work / "core.v").write_text(verilog, encoding="utf-8")
+            try:
+                yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
+            except ToolError as error:
+                log = result.with_suffix(".log")
+                (work / "yosys.log").replace(log)
+                raise ToolError(str(error).replace(str(work / "yosys.log"), str(log))) from error
+            cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
+            (work / "cells.json").write_text(json.dumps(cells))
+            (work / "cells.json").replace(result)
     return Resources.count(json.loads(result.read_text()))
 
 
@@ -93,7 +100,7 @@ def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):
 
     It is flattened into a module around it, as it is into the core: Yosys takes the operand of an addition for the
     carry chain that it finds declared first, and flattening turns the order round. Alone at the top the interpolator
-    takes half as many look-up tables again.
+    takes more.
     """
     modules = {found.group(1): found.group() for found in re.finditer(r"^module (\w+)\b.*?^endmodule", verilog, _BLOCK)}
     needed, rest = [], [module]

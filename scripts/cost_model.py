@@ -12,13 +12,15 @@ from hdl.core import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.rectification import rectify
-from hdl.synthesis import conditions, synthesise
+from hdl.synthesis import conditions, synthesise_block
 from scripts import reference_rigs
 from scripts.tables import json_option, show, write_json
 
 SIZES = ((160, 120), (640, 480), (1280, 960))  # px, of the embedded rig
-HEADINGS = ("rig", "camera", "datapath", "lens", "LUT", "Yosys", "off", "FF", "Yosys", "off", "RAMB18", "Yosys", "DSP",
-            "Yosys")  # fmt: skip
+HEADINGS = (
+    *("rig", "datapath", "lens", "DSP allowed", "LUT", "Yosys", "off", "FF", "Yosys", "off"),
+    *("RAMB18", "Yosys", "DSP", "Yosys"),
+)
 CELLS = ("lut", "ff", "ramb18", "dsp")
 
 
@@ -56,7 +58,8 @@ def _rigs(data):
 
 
 def measure(rigs, names, cache, progress):
-    """One dict a core: rig, side, datapath, lens, and the ``estimated`` and ``synthesised`` cells."""
+    """One dict a core: rig, side, datapath, lens, whether DSP blocks were allowed, and the ``estimated`` and
+    ``synthesised`` cells."""
     jobs = []
     for rig_name, rig in rigs:
         for lens in (False, True):
@@ -64,15 +67,17 @@ def measure(rigs, names, cache, progress):
             for name in names:
                 if lens and not DATAPATHS[name].supports_lens:
                     continue
-                progress(f"{rig_name}: {name}")
-                try:
-                    core = build(view, Options(name, dsp=False), "core")
-                except InputError:
-                    continue  # this datapath cannot do it for this rig, so nobody chooses by its cost
-                jobs.append((rig_name, view, core))
+                for dsp in (False, True):
+                    progress(f"{rig_name}: {name}")
+                    try:
+                        core = build(view, Options(name, dsp=dsp), "core")
+                    except InputError:
+                        break  # this datapath cannot do it for this rig, so nobody chooses by its cost
+                    if not dsp or core.parameters.datapath.cost.dsp:
+                        jobs.append((rig_name, view, core))
     rows = []
     with ThreadPoolExecutor(2) as pool:
-        cells = pool.map(lambda job: synthesise(job[2].verilog, "core_datapath", cache=cache), jobs)
+        cells = pool.map(lambda job: _coordinates(job[2], cache), jobs)
         for (rig_name, view, core), found in zip(jobs, cells):
             progress(f"synthesis: {len(rows) + 1} of {len(jobs)}")
             cost = core.parameters.datapath.cost
@@ -82,6 +87,7 @@ def measure(rigs, names, cache, progress):
                     "side": view.side,
                     "datapath": core.plan.datapath,
                     "lens": view.lens,
+                    "dsp_allowed": core.plan.dsp,
                     "estimated": {cell: getattr(cost, cell) for cell in CELLS},
                     "synthesised": {
                         "lut": found.lut, "ff": found.ff, "ramb18": found.ramb18 + 2 * found.ramb36, "dsp": found.dsp
@@ -89,6 +95,10 @@ def measure(rigs, names, cache, progress):
                 }
             )  # fmt: skip
     return rows
+
+
+def _coordinates(core, cache):
+    return synthesise_block(core.verilog, "core_datapath", dsp=core.plan.dsp, cache=cache)
 
 
 def off(row, cell):
@@ -105,7 +115,8 @@ def as_text(row):
         for text in (estimated[cell], synthesised[cell], f"{100 * off(row, cell):+.0f} %")
     ]
     others = [side[cell] for cell in ("ramb18", "dsp") for side in (estimated, synthesised)]
-    return row["rig"], row["side"], row["datapath"], "yes" if row["lens"] else "no", *logic, *others
+    flags = ("yes" if row[name] else "no" for name in ("lens", "dsp_allowed"))
+    return row["rig"], row["datapath"], *flags, *logic, *others
 
 
 def summary(rows):
@@ -113,7 +124,9 @@ def summary(rows):
     for name in dict.fromkeys(row["datapath"] for row in rows):
         own = [row for row in rows if row["datapath"] == name]
         figures = []
-        for cell in ("lut", "ff"):
+        for cell in CELLS:
+            if not any(row[kind][cell] for row in own for kind in ("estimated", "synthesised")):
+                continue
             errors = np.abs([off(row, cell) for row in own])
             figures.append(
                 f"{cell.upper()} off by {100 * errors.mean():.1f} % on average, {100 * errors.max():.0f} % at most"

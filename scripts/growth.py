@@ -4,8 +4,9 @@ import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import matplotlib.pyplot as plt
+import matplotlib
 import rich_click as click
+from matplotlib.figure import Figure
 
 from hdl import calibration
 from hdl.cli import run, steps
@@ -125,7 +126,8 @@ def caption():
 
 def draw(rows, file):
     """Plot the four columns that grow over the pixels of the frame."""
-    figure, axes = plt.subplots(1, 4, figsize=(15, 4), layout="constrained")
+    figure = Figure(figsize=(15, 4), layout="constrained")
+    axes = figure.subplots(1, 4)
     columns = (
         ("LUT", lambda row: row["lut"]),
         ("flip-flops", lambda row: row["ff"]),
@@ -147,8 +149,9 @@ def draw(rows, file):
         panel.grid(True, which="both", alpha=0.3)
     axes[0].legend(loc="best", fontsize="small")
     file.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
-    plt.close(figure)
+    # The same bytes on every run.
+    with matplotlib.rc_context({"svg.hashsalt": "growth"}):
+        figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
 
 
 if __name__ == "__main__":

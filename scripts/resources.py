@@ -4,7 +4,6 @@ And the ladder: what the coordinates alone take, and how exact they are.
 """
 
 import dataclasses
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
@@ -24,6 +23,7 @@ from hdl.synthesis import conditions, synthesise, synthesise_block
 from scripts import readme
 from scripts.tables import json_option, show, write_json
 
+SIZE = 640, 480  # of the README's tables
 # Hyun and Moon 2015, Table 2 (Virtex-7): flip-flops and LUT; it does not tell DSP and block RAM.
 PAPER = {"conventional": (12837, 9508), "proposed": (593, 3718)}
 # Submodules of a core, as blocks that people know.
@@ -54,7 +54,7 @@ class Job:
 
 
 @click.command()
-@click.option("--size", type=SizeType(), default="640x480", show_default=True, help="Frame size, px.")
+@click.option("--size", type=SizeType(), default="{}x{}".format(*SIZE), show_default=True, help="Frame size, px.")
 @click.option(
     "--datapath", "names", multiple=True, type=click.Choice(list(DATAPATHS)), help="Only this one; may be repeated."
 )
@@ -75,22 +75,25 @@ def resources(size, names, json_file, update, check, cache):
     """
     if (update or check) and names:
         raise InputError("--datapath", None, ", ".join(names), "the README's tables have all of them")
+    if (update or check) and size != SIZE:
+        raise InputError("--size", None, f"{size[0]}x{size[1]}", f"the README's tables are of {SIZE[0]}x{SIZE[1]}")
     with steps() as progress:
         rows, refusals = measure(size, names or DATAPATHS, cache, progress)
     write_json(json_file, rows)
     parts = {"resources": as_markdown(rows, refusals, size), "ladder": ladder_as_markdown(rows, size)}
-    for name, text in parts.items():
-        if update:
+    if update:
+        for name, text in parts.items():
             readme.update(name, text)
-        if check and not readme.is_current(name, text):
-            click.echo(f"README.md: the table of {name} is stale; `make readme` renews it", err=True)
-            sys.exit(1)
+    stale = [name for name, text in parts.items() if check and not readme.is_current(name, text)]
     show(caption(size), HEADINGS, core_rows(rows))
     title = f"Blocks, each by itself; {REST}: the rest of the core, less what is saved where blocks meet"
     show(title, ("core", "block", *CELL_HEADINGS), block_rows(rows), texts=2)
     show("Coordinates alone", LADDER_HEADINGS, ladder_rows(rows))
     for line in (*refusals, ratios(rows)):
         click.echo(line)
+    for name in stale:
+        click.echo(f"README.md: the table of {name} is stale; `make readme` renews it", err=True)
+    return 1 if stale else 0
 
 
 def measure(size, names, cache, progress):
@@ -179,7 +182,7 @@ def _of(rows, *scopes):
 def core_rows(rows):
     """The rows of Table 2, as text, the paper's first."""
     for name, (ff, lut) in PAPER.items():
-        yield f"{name}, the paper's", ff, lut, *["?"] * 7, "-" if name == "conventional" else "3, 2"
+        yield f"{name}, the paper's", ff, lut, *["?"] * 7, "-"
     for row in _of(rows, "core"):
         yield _title(row), *(row[cell] for cell in CELLS), row["rows"], _error(row)
 
@@ -229,7 +232,7 @@ def caption(size):
 def as_markdown(rows, refusals, size):
     """Table 2 as the README has it."""
     table = readme.markdown(HEADINGS, core_rows(rows))
-    sentences = [caption(size), "The paper's rows: its Table 2, and Table 1 for the error.", ratios(rows)]
+    sentences = [caption(size), "The paper's rows: its Table 2.", ratios(rows)]
     sentences += [f"Not built: {refusal}." for refusal in refusals]
     return f"{table}\n\n{' '.join(sentences)}"
 

@@ -36,6 +36,9 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+REST = "up to 64 letters, digits and underscores"
+
+
 def names(directory):
     return sorted(path.name for path in directory.iterdir())
 
@@ -138,12 +141,15 @@ def test_two_runs_write_the_same_bytes(folder, run_command):
             "--datapath proposed --max-line-buffer-kib 1",
             "--max-line-buffer-kib: 1: the left camera's map bends rows so far that 24 rows are needed, 15 KiB",
         ),
-        ("--channels 3 --pixel-bits 12", "--pixel-bits: 12: 3 channels have 8 bits each"),
+        (
+            "--channels 3 --pixel-bits 12",
+            "--pixel-bits: 12 for --channels 3: 1 channel has 8, 10, 12 or 16 bits, 3 channels have 8 each",
+        ),
         ("--border constant:256", "--border: constant:256: does not fit into 8 bits"),
         ("--border mirror", "--border: mirror: must be constant, constant:VALUE or replicate"),
-        (
-            "--top endmodule",
-            "--top: endmodule: must be a Verilog identifier of up to 64 letters, digits and underscores",
+        *(
+            (f"--top {word} --camera left", f"--top: {word}: must be a Verilog identifier of {REST}")
+            for word in ("endmodule", "real", "specify", "class", "2nd", "a-b", "a" * 65)
         ),
         ("--camera both", "Invalid value for '--camera': 'both' is not one of 'left', 'right'."),
     ],

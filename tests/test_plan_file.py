@@ -1,5 +1,6 @@
 """Plans read back from a folder: what is refused, in which words, and what a core rebuilt from its plan is."""
 
+import dataclasses
 import hashlib
 import shutil
 
@@ -12,6 +13,7 @@ from hdl.coordinates import Border
 from hdl.core import Options
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
+from hdl.plan import Plan
 from hdl.plan_file import load_folder, stereo_rig
 
 PROPOSED = Options(datapath="proposed")
@@ -198,7 +200,7 @@ def test_pixels_that_no_core_takes_are_refused(folder):
     for side in ("left", "right"):
         edit(folder, changed("pixel_bits", to=9), f"rectify_{side}")
     assert refusal().startswith(
-        "f/rectify_left.json: datapath = proposed: cannot be rebuilt: --size: 96x64: pixels are"
+        "f/rectify_left.json: --pixel-bits: 9 for --channels 1: 1 channel has 8, 10, 12 or 16 bits"
     )
 
 
@@ -240,3 +242,9 @@ def test_verilog_changed_together_with_its_hash_is_refused(folder):
 def test_two_cores_that_are_no_pair_are_refused(folder, change, message):
     edit(folder, change, "rectify_right")
     assert refusal().startswith(f"f/rectify_right.json: {message}")
+
+
+def test_every_option_that_decides_a_core_is_in_its_plan():
+    options = {field.name for field in dataclasses.fields(Options)}
+    # A budget is stated under another name; the others decide which core is built and not what it is.
+    assert options - Plan.model_fields.keys() == {"max_error", "optimise", "max_line_buffer_kib"}

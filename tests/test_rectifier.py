@@ -151,9 +151,7 @@ def test_a_reset_in_mid_frame_starts_over(name):
 def test_other_pixel_formats_are_refused(pixel_bits, channels):
     with pytest.raises(ValueError) as caught:
         parameters(pixel_bits=pixel_bits, channels=channels)
-    assert str(caught.value) == (
-        f"pixels are 1 channel of (8, 10, 12, 16) bits or 3 of 8, not {channels} of {pixel_bits}"
-    )
+    assert str(caught.value) == (f"pixels are one of 1x8, 1x10, 1x12, 1x16, 3x8 bits, not {channels}x{pixel_bits}")
 
 
 @pytest.mark.parametrize("pixel_bits, value", [(8, 256), (10, 1024), (16, 65536), (8, -1)])

@@ -8,6 +8,7 @@ import pytest
 from hdl import calibration, yosys
 from hdl.cli import run
 from hdl.core import Options, build
+from hdl.datapaths import DATAPATHS
 from hdl.rectification import rectify
 from hdl.synthesis import Resources, synthesise, synthesise_block
 from scripts import cost_model, growth, readme, resources
@@ -78,14 +79,23 @@ def test_what_was_synthesised_is_not_synthesised_again(tmp_path, monkeypatch):
         synthesise(ADDERS.replace("4'h3", "4'h5"), "core", cache=tmp_path)
 
 
-@pytest.mark.parametrize("name, lens", [("proposed", False), ("polynomial", False), ("spline", True)])
-def test_estimates_are_close_to_what_yosys_makes_of_it(name, lens, tmp_path):
+# The estimates choose between datapaths that differ by a third and more: half of that may be off.
+@pytest.mark.parametrize(
+    "name, lens, dsp",
+    [
+        *((name, False, False) for name in DATAPATHS if name != "table"),  # of which test_table has more to say
+        ("conventional", False, True),
+        ("spline", True, False),
+    ],
+)
+def test_estimates_are_close_to_what_yosys_makes_of_it(name, lens, dsp, tmp_path):
     view = rectify(calibration.embedded((160, 120)), lens=lens)["right"]
-    core = build(view, Options(name), "core")
-    found, estimate = synthesise_block(core.verilog, "core_datapath", cache=tmp_path), core.parameters.datapath.cost
-    assert estimate.ff == pytest.approx(found.ff, rel=0.03)
+    core = build(view, Options(name, dsp=dsp), "core")
+    found = synthesise_block(core.verilog, "core_datapath", dsp=dsp, cache=tmp_path)
+    estimate = core.parameters.datapath.cost
+    assert estimate.ff == pytest.approx(found.ff, rel=0.15)
     assert estimate.lut == pytest.approx(found.lut, rel=0.15)
-    assert estimate.ramb18 == found.ramb18 + 2 * found.ramb36
+    assert (estimate.ramb18, estimate.dsp) == (found.ramb18 + 2 * found.ramb36, found.dsp)
 
 
 def row(datapath, scope, lens=False, dsp_allowed=False, **cells):
@@ -168,12 +178,16 @@ def test_a_core_and_its_blocks_are_measured(tmp_path):
 
 
 def test_the_error_of_the_cost_model_is_told():
+    def cells(lut, ff, ramb18):
+        return {"lut": lut, "ff": ff, "ramb18": ramb18, "dsp": 0}
+
     rows = [
-        {"datapath": "spline", "estimated": {"lut": 110, "ff": 50}, "synthesised": {"lut": 100, "ff": 50}},
-        {"datapath": "spline", "estimated": {"lut": 90, "ff": 49}, "synthesised": {"lut": 120, "ff": 50}},
+        {"datapath": "spline", "estimated": cells(110, 50, 2), "synthesised": cells(100, 50, 2)},
+        {"datapath": "spline", "estimated": cells(90, 49, 3), "synthesised": cells(120, 50, 2)},
     ]
     assert list(cost_model.summary(rows)) == [
-        "spline, 2 cores: LUT off by 17.5 % on average, 25 % at most; FF off by 1.0 % on average, 2 % at most"
+        "spline, 2 cores: LUT off by 17.5 % on average, 25 % at most; FF off by 1.0 % on average, 2 % at most; "
+        "RAMB18 off by 25.0 % on average, 50 % at most"
     ]
 
 

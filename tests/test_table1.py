@@ -76,13 +76,6 @@ def script(monkeypatch, capsys, tmp_path):
     return run
 
 
-def test_papers_figures_are_those_of_its_table_1():
-    assert table1.PAPER == {
-        "left": {"u": {"mean": 0.4465, "max": 2}, "v": {"mean": 0.2255, "max": 2}},
-        "right": {"u": {"mean": 0.5028, "max": 3}, "v": {"mean": 0.2880, "max": 2}},
-    }
-
-
 def test_rounded_measure_is_the_difference_of_whole_pixels():
     generator = np.random.default_rng(1)
     used, reference = (tuple(generator.integers(-200, 2200, (5, 7)) / 32 for _ in "uv") for _ in range(2))
@@ -321,7 +314,3 @@ def test_reference_rigs_whose_cameras_stand_worse_break_the_claim(script, monkey
     assert "Means below 1 px in both images: 2 of 3: embedded; Bouguet's example." in out
     assert "Means NOT below 1 px in both images: 1 of 3: PS4 Eye." in out
     assert "Nearest to the paper: Bouguet's example, whose four means" in out
-
-
-def test_fraction_bits_are_the_generators_default():
-    assert coordinate_errors.FRACTION_BITS == 5

@@ -96,8 +96,9 @@ class Datapath(ABC):
     def fit(cls, view, fraction_bits, max_error=None):
         """Choose the parameters for ``view`` (`hdl.rectification.View`): the cheapest that meet ``max_error`` (px,
         rounding included) at every pixel whose source is inside the image, or, without a budget, that compute what the
-        datapath names within `default_budget`. Raises InputError where no word lengths do; a datapath whose error the
-        rig decides and not its word lengths may ignore the budget, which the caller checks in any case."""
+        datapath names within `default_budget`, or follow the map within `fitted_budget`. Raises InputError where no
+        word lengths do; a datapath whose error the rig decides and not its word lengths may ignore the budget, which
+        the caller checks in any case."""
 
     @property
     @abstractmethod
@@ -123,6 +124,10 @@ class Datapath(ABC):
     def warm_up(self):
         """Steps that the hardware needs after reset, through the last positions of a frame, before the first one."""
         return 0
+
+    def with_dsp(self, dsp):
+        """The same datapath, its multiplications, where it has any, left to the synthesis tool or made of adders."""
+        return self
 
     @abstractmethod
     def component(self):

@@ -1,6 +1,6 @@
 """The conventional datapath: matrix product and two pipelined dividers (Eq. 3, Fig. 4a)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from amaranth import Module, Signal
 from amaranth.lib import wiring
@@ -41,6 +41,9 @@ class Conventional(Projective):
         if view.lens and view.camera.D.any():
             return ConventionalLens.fit(view, fraction_bits, max_error, pinhole=cls)
         return super().fit(view, fraction_bits, max_error)
+
+    def with_dsp(self, dsp):
+        return replace(self, dsp=dsp)
 
     @property
     def cost(self):

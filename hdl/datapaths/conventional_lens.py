@@ -31,9 +31,9 @@ class ConventionalLens(Datapath):
     has its share of Y in X, which is taken off for s. What has a coefficient of zero, or one that rounds to it, is left
     out.
 
-    Each value has its own word length, all together the cheapest with which the integer model meets the budget at every
-    pixel whose source is inside the image. Where the source is outside the error may be larger, but no value overflows:
-    formats cover the whole frame.
+    Each value has its own word length, chosen for adders: no one of them can lose a bit without the integer model being
+    off by more than the budget at a pixel whose source is inside the image. Where the source is outside the error may
+    be larger, but no value overflows: formats cover the whole frame.
 
     Latency: the pinhole's, and a clock for each step on the longest way from there.
 
@@ -65,6 +65,9 @@ class ConventionalLens(Datapath):
         """
         found = LensFit(pinhole, view, fraction_bits, max_error).best()
         return cls(view.width, view.height, fraction_bits, *found)
+
+    def with_dsp(self, dsp):
+        return replace(self, dsp=dsp)
 
     @cached_property
     def _frame(self):
@@ -111,7 +114,7 @@ class ConventionalLens(Datapath):
     @property
     def hardware_pinhole(self):
         """``pinhole`` with its products made likewise."""
-        return replace(self.pinhole, dsp=self.dsp)
+        return self.pinhole.with_dsp(self.dsp)
 
     def component(self):
         return LensProducts(self)

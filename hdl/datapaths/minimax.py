@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.optimize import linprog
 
+from hdl.errors import ToolError
+
 GRID = 16  # points along each side of the first grid, and four more for each function along it
 TILES = 12  # the frame is searched for violated points in that many tiles a side
 EXCHANGES = 40
@@ -39,7 +41,8 @@ def minimax(across, down, terms, target, allowance, enough=np.inf, precision=0.0
     -------
     coefficients : float64 (m, n)
     error : float
-        Over all pixels, beyond the allowance, px; of a fit that was given up a lower bound.
+        Over all pixels, beyond the allowance, px; of a fit that was given up a lower bound. After EXCHANGES of points,
+        more than any map has needed, that of the last fit.
     """
     height, width = target.shape
     first, second = np.transpose(terms)
@@ -72,7 +75,7 @@ def _program(columns, target, allowance):
         method="highs",
     )
     if not result.success:
-        raise RuntimeError(f"linear program: {result.message}")
+        raise ToolError(f"linear program: {result.message}")
     return result.x[:-1], float(result.x[-1])
 
 

@@ -87,6 +87,8 @@ class Pipeline:
                 self._register(step, exact >> (bits - step.bits), delay)
             case Quotient():
                 self._divide(step, left, right, b.fraction_bits + step.bits - a.fraction_bits, delay)
+            case _:
+                raise TypeError(f"{step!r} is no step")
 
     def value(self, name, delay):
         """The stored integer of a value ``delay`` enabled clocks late; waiting registers are shared among its uses."""

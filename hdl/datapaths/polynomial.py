@@ -27,10 +27,9 @@ class Polynomial(Datapath):
     """u and v as bivariate polynomials of the raster position, by forward differences.
 
     Each has the smallest degree that meets the budget, its coefficients of least maximum error over the pixels whose
-    source is inside the image. Degree d takes d*(d + 1)/2 registers and as many adders; degree 1 is `affine`. For
-    both coordinates of the embedded rig's left camera degree 2 is within 0.047 px without the lens, in 102 FF and 114
-    LUT, and degree 5 within 0.050 px with it, in 804 FF and 738 LUT. Degrees above 6, 1111 FF and 1042 LUT for EuRoC's
-    left camera, are not tried: 7 would take more than 1600 FF, ten times a spline's. Latency 0, 1 px/clock.
+    source is inside the image. Degree d takes d*(d + 1)/2 registers and as many adders; degree 1 is `affine`. Without
+    a lens degree 2 comes within hundredths of a pixel; lenses take degree 5 and more, at many times a spline's
+    flip-flops (the ladder in the README has figures), so that degrees above 6 are not tried. Latency 0, 1 px/clock.
 
     Differences along a row change once a cell, those of degree 2 from row to row as well, where the chords fit into the
     budget, since that takes fewer bits.

@@ -93,6 +93,8 @@ def evaluate(steps, given):
             case Quotient():
                 with np.errstate(divide="ignore"):
                     stored = (a << (b_bits + step.bits - a_bits)) // b - (1 << (step.bits + step.bias_bits))
+            case _:
+                raise TypeError(f"{step!r} is no step")
         values[step.name] = stored, step.bits
     return values
 
@@ -120,6 +122,8 @@ def in_range(steps, values):
                 if values[step.name][0].max() >= 1 << (step.quotient_bits - 1):
                     return False
                 largest = largest_a << shift
+            case _:
+                raise TypeError(f"{step!r} is no step")
         if largest >= 1 << 62:
             return False
     return True
@@ -170,6 +174,8 @@ def step_cost(step, widths, dsp):
             return width, width, 0
         case Quotient():
             return step.quotient_bits * (b + 2), 2 * step.quotient_bits * b, 0
+        case _:
+            raise TypeError(f"{step!r} is no step")
 
 
 def _rounded(values, constant, dropped):

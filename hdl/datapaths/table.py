@@ -15,8 +15,8 @@ from hdl.datapaths.base import Datapath, check_budget
 from hdl.errors import InputError
 from hdl.fixedpoint import Q
 
-# Entries of the largest table that is built. With as many, Yosys takes 70 s to synthesise the core, and the engine of
-# `sim` 18 s to compile it; both grow in proportion.
+# Entries of the largest table that is built: Yosys reads so many words of Verilog in a minute or so, and the time grows
+# in proportion.
 MOST_ENTRIES = 1 << 16
 
 

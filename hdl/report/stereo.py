@@ -1,5 +1,6 @@
 """What the errors of two cores mean for stereo: disparity, depth and row differences at given distances."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,43 +75,50 @@ def default_distances(focal, baseline, width):
 def at_distances(views, displacements, distances):
     """`AtDistance` for each of the ``distances``; ``views`` and ``displacements`` by side.
 
+    Without distances it is `default_distances`, those of them at which points are in both images.
+
     Raises
     ------
     InputError
         For a distance at which no point is in both images.
     """
+    if distances:
+        return [_at_distance(views, displacements, distance) for distance in distances]
+    found = []
+    for distance in default_distances(*geometry(views["left"], views["right"])[:2], views["left"].width):
+        with suppress(InputError):
+            found.append(_at_distance(views, displacements, distance))
+    return found
+
+
+def _at_distance(views, displacements, distance):
     focal, baseline, offset = geometry(views["left"], views["right"])
     height, width = displacements["left"][0].shape
-    found = []
-    for distance in distances:
-        disparity = focal * baseline / distance
-        # The right image shows the point this many columns further left, to the nearest pixel.
-        shift = round(disparity + offset)
-        first, last = max(0, shift), min(width, width + shift)
-        if last <= first:
-            problem = f"the disparity there is {disparity:.4g} px, beyond the {width} px of the image"
-            raise InputError("--distances", None, f"{distance:g}", problem)
-        columns = {"left": slice(first, last), "right": slice(first - shift, last - shift)}
-        dx, dy = (
-            np.abs(displacements["left"][axis][:, columns["left"]] - displacements["right"][axis][:, columns["right"]])
-            for axis in (0, 1)
-        )
-        counted = np.isfinite(dx)
-        if not counted.any():
-            raise InputError("--distances", None, f"{distance:g}", "no point there has its source in both images")
-        dx, dy = dx[counted], dy[counted]
-        depth = distance**2 / (focal * baseline)
-        found.append(
-            AtDistance(
-                float(distance),
-                float(disparity),
-                counted.sum() / (height * width),
-                float(dx.mean()),
-                float(dx.max()),
-                float(dx.mean() * depth),
-                float(dx.max() * depth),
-                float(dy.mean()),
-                float(dy.max()),
-            )
-        )
-    return found
+    disparity = focal * baseline / distance
+    # The right image shows the point this many columns further left, to the nearest pixel.
+    shift = round(disparity + offset)
+    first, last = max(0, shift), min(width, width + shift)
+    if last <= first:
+        problem = f"the disparity there is {disparity:.4g} px, beyond the {width} px of the image"
+        raise InputError("--distances", None, f"{distance:g}", problem)
+    columns = {"left": slice(first, last), "right": slice(first - shift, last - shift)}
+    dx, dy = (
+        np.abs(displacements["left"][axis][:, columns["left"]] - displacements["right"][axis][:, columns["right"]])
+        for axis in (0, 1)
+    )
+    counted = np.isfinite(dx)
+    if not counted.any():
+        raise InputError("--distances", None, f"{distance:g}", "no point there has its source in both images")
+    dx, dy = dx[counted], dy[counted]
+    depth = distance**2 / (focal * baseline)
+    return AtDistance(
+        float(distance),
+        float(disparity),
+        counted.sum() / (height * width),
+        float(dx.mean()),
+        float(dx.max()),
+        float(dx.mean() * depth),
+        float(dx.max() * depth),
+        float(dy.mean()),
+        float(dy.max()),
+    )
