@@ -120,8 +120,8 @@ def caption():
     """The conditions of the figures."""
     return (
         f"Embedded rig, left camera, 8 bit. {conditions(dsp=False)}. Of table, estimates for the coordinates alone. "
-        "Latency in clocks, from a frame's first pixel in to its first pixel out. The rig is one of 4:3: at 16:9 its pixels "
-        "are stretched, and rows bend further."
+        "Latency in clocks, from a frame's first pixel in to its first pixel out. The rig is one of 4:3: at 16:9 its "
+        "pixels are stretched, and rows bend further."
     )
 
 
