@@ -2,13 +2,16 @@
 
 import re
 import sys
+import warnings
 from contextlib import contextmanager
+from pathlib import Path
 
 import rich_click as click
+from amaranth.hdl import UnusedElaboratable
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from hdl.coordinates import Border
 from hdl.errors import InputError, ToolError
@@ -30,6 +33,18 @@ class SizeType(click.ParamType):
         if not all(LEAST_SIZE <= number <= GREATEST_SIZE for number in size):
             raise InputError("--size", None, value, f"width and height must be {LEAST_SIZE} to {GREATEST_SIZE}")
         return size
+
+
+class FolderType(click.Path):
+    """A folder to write to, which need not exist; raises InputError for an empty name, as an unset variable leaves."""
+
+    def __init__(self):
+        super().__init__(path_type=Path, file_okay=False)
+
+    def convert(self, value, param, ctx):
+        if value == "":
+            raise InputError("--output", None, None, "an empty name; . is the folder here")
+        return super().convert(value, param, ctx)
 
 
 class CenterType(click.ParamType):
@@ -92,7 +107,12 @@ def rectification_options(command):
 
 def note(text):
     """Print one line on stderr that begins with ``note:``."""
-    Console(stderr=True, soft_wrap=True, highlight=False).print("[bold]note:[/]", escape(" ".join(text.split())))
+    _print_line("note:", "bold", text)
+
+
+def _print_line(label, style, text):
+    line = Text.assemble((label, style), " ", " ".join(text.split()))
+    Console(stderr=True, soft_wrap=True, highlight=False, emoji=False).print(line)
 
 
 def run(command, arguments=None):
@@ -101,6 +121,7 @@ def run(command, arguments=None):
 
     ``arguments``: list of str; default: the process's own.
     """
+    warnings.simplefilter("ignore", UnusedElaboratable)  # of what an interruption leaves half built
     try:
         sys.exit(command.main(arguments, standalone_mode=False) or 0)
     except click.ClickException as error:
@@ -111,15 +132,15 @@ def run(command, arguments=None):
         _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
     except ToolError as error:
         _fail(str(error), status=1)
+    except MemoryError:
+        _fail("not enough memory for this frame size", status=1)
     except (click.Abort, KeyboardInterrupt):
         Console(stderr=True).print("interrupted")
         sys.exit(130)
 
 
 def _fail(message, status=2):
-    Console(stderr=True, soft_wrap=True, highlight=False).print(
-        "[bold red]error:[/]", " ".join(message.split()).replace("[", r"\[")
-    )
+    _print_line("error:", "bold red", message)
     sys.exit(status)
 
 

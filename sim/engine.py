@@ -325,6 +325,8 @@ def _build(text, top, command, library):
             lines = [line.strip() for line in result.stdout.splitlines() if re.search("error", line, re.IGNORECASE)]
             problem = lines[0] if lines else f"exit status {result.returncode}"
             raise CompileError(f"{command[0]}: {problem} (log: {log})")
+        if not (work / "core.so").exists():
+            raise CompileError(f"{command[0]}: made no library")
         os.replace(work / "core.so", library)
 
 
@@ -342,8 +344,12 @@ def _check_ports(source, top):
 
 
 def _compiler(given):
-    if given or os.environ.get("CXX"):
-        return tuple(shlex.split(given or os.environ["CXX"]))
+    asked = given or os.environ.get("CXX", "").strip()
+    if asked:
+        try:
+            return tuple(shlex.split(asked))
+        except ValueError as error:
+            raise CompileError(f"CXX = {asked}: {error}") from None
     for name in ("g++", "clang++"):
         if path := shutil.which(name):
             return (path,)

@@ -11,6 +11,7 @@ import numpy as np
 import rich_click as click
 from rich.console import Console
 
+from hdl import files
 from hdl.cli import camera_table, run, steps
 from hdl.errors import InputError
 from hdl.generate import SIDES, build_cores, core_options, load_rig, write
@@ -22,6 +23,9 @@ from sim.remap import cv2_remap, remap
 from sim.scene import render, visible_points
 
 KNOWN_POINTS = 4000
+PICTURES = [f"{what}_{stage}" for stage in ("source", "rectified") for what in (*SIDES, "epipolar")]
+# libjpeg fills up with gray what is missing of an image. Some programs write a little behind the end.
+JPEG_START, JPEG_END, JPEG_TAIL = b"\xff\xd8", b"\xff\xd9", 4096
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Result:
     "--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
-def simulate(files, size, file_format, select, left, right, as_json, output, **choices):
+def simulate(calibrations, size, file_format, select, left, right, as_json, output, **choices):
     """Build the cores of both cameras and run a frame of each through the generated Verilog.
 
     Give your own pair with --left and --right, as large as the calibration's images (or as --size). Without them, a
@@ -74,17 +78,20 @@ def simulate(files, size, file_format, select, left, right, as_json, output, **c
     """
     if (left is None) != (right is None):
         raise InputError("--right" if left else "--left", None, None, "give both images or neither")
+    images = {"left": left, "right": right} if left else {}
+    targets = [output / f"{name}.png" for name in PICTURES]
+    files.refuse_overwriting("--output", targets, (*calibrations, *images.values()))
     with steps() as progress:
         progress("calibration")
-        rig = load_rig(files, size, file_format, select)
+        rig = load_rig(calibrations, size, file_format, select)
         cores = dict(zip(SIDES, build_cores(None, progress, rig, **choices)))
         plan = cores["left"].plan
         if left:
-            sources = {side: read_image(file, plan) for side, file in (("left", left), ("right", right))}
+            sources = {side: read_image(file, plan) for side, file in images.items()}
         else:
             progress("rendering the scene")
             sources = render(rig, plan.lens, bits=plan.pixel_bits, channels=plan.channels)
-        write(cores.values(), output)
+        write(cores.values(), output, (*calibrations, *images.values()))
         progress("compiling the Verilog for simulation")
         with ThreadPoolExecutor() as pool:
             compiled = dict(zip(SIDES, pool.map(lambda core: _compile(core, output / "cache"), cores.values())))
@@ -107,9 +114,15 @@ def read_image(file, plan):
 
     Gray cores take colour images as gray. Images of 8 bits are scaled up for cores of more.
     """
-    image = cv2.imread(str(file), cv2.IMREAD_COLOR if plan.channels == 3 else cv2.IMREAD_ANYDEPTH)
+    try:
+        image = cv2.imread(str(file), cv2.IMREAD_COLOR if plan.channels == 3 else cv2.IMREAD_ANYDEPTH)
+    except cv2.error as error:
+        raise InputError(file, None, None, f"OpenCV refuses this image: {error.err}") from None
     if image is None:
         raise InputError(file, None, None, "is not an image that OpenCV can read")
+    data = file.read_bytes()
+    if data.startswith(JPEG_START) and JPEG_END not in data[-JPEG_TAIL:]:
+        raise InputError(file, None, None, "ends in the middle of the image")
     height, width = image.shape[:2]
     if (width, height) != (plan.width, plan.height):
         raise InputError(
@@ -120,10 +133,10 @@ def read_image(file, plan):
         )
     if image.dtype == np.uint8:
         return image if plan.pixel_bits == 8 else image.astype(np.uint16) << (plan.pixel_bits - 8)
-    if image.dtype != np.uint16 or int(image.max()) >> plan.pixel_bits:
-        raise InputError(
-            file, "pixels", f"{image.dtype} up to {image.max()}", f"do not fit {plan.pixel_bits} bits; see --pixel-bits"
-        )
+    if image.dtype != np.uint16:
+        raise InputError(file, "pixels", image.dtype, "8 or 16 bits without a sign are needed")
+    if int(image.max()) >> plan.pixel_bits:
+        raise InputError(file, "pixels", f"up to {image.max()}", f"do not fit {plan.pixel_bits} bits; see --pixel-bits")
     return image
 
 
@@ -186,11 +199,8 @@ def write_pictures(results, directory):
         images.update({f"{side}_{stage}": image for side, image in zip(SIDES, pair)})
         shift = results["left"].core.plan.pixel_bits - 8
         images[f"epipolar_{stage}"] = epipolar_overlay(*((image >> shift).astype(np.uint8) for image in pair))
-    paths = {}
-    for name, image in images.items():
-        paths[name] = directory / f"{name}.png"
-        if not cv2.imwrite(str(paths[name]), image):
-            raise OSError(f"{paths[name]}: cannot be written")
+    paths = {name: directory / f"{name}.png" for name in PICTURES}
+    files.write({paths[name]: cv2.imencode(".png", image)[1].tobytes() for name, image in images.items()})
     return paths
 
 

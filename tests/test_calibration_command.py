@@ -238,13 +238,14 @@ def test_conversion_to_an_unsuitable_name_is_refused(target, message, command):
 
 
 def test_conversion_that_fails_leaves_what_was_there(command, monkeypatch):
-    def full(self, text, encoding):
-        self.write_bytes(text[:20].encode())
+    def full(self, data):
+        with self.open("wb") as file:
+            file.write(data[:20])
         raise OSError(28, "No space left on device")
 
     write(as_yaml(SMALL))
     write("before", "out.yml")
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full)
     status, _, err = command("rig.yml", "--convert", "out.yml")
     assert status == 2 and "No space left on device" in err and err.count("\n") == 1
     assert Path("out.yml").read_text() == "before"

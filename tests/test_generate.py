@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 import rich_click as click
 
+from hdl.calibration import convert, embedded
 from hdl.cli import run
 from hdl.generate import generate
 from hdl.plan import Plan
@@ -205,3 +207,79 @@ def test_a_yosys_that_fails_shows_its_own_error_line_and_its_log(folder, run_com
     assert status == 1
     log = re.fullmatch(r"error: Yosys: core\.v:1: ERROR: syntax error.* \(log: (\S+)\)\n", err).group(1)
     assert "syntax error" in Path(log).read_text()
+
+
+SMALL = "--size 64x48 --datapath proposed --camera left"
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ("--select left", "--select: left: there is no CALIBRATION to read; the example rig needs none"),
+        ("--format kitti", "--format: kitti: there is no CALIBRATION to read; the example rig needs none"),
+        ("--optimise lut", "--optimise: lut: decides among datapaths; proposed was named already"),
+        ("--output=", "--output: an empty name; . is the folder here"),
+        (
+            f"--border constant:{'9' * 5000}",
+            f"--border: constant:{'9' * 68}...: must be constant, constant:VALUE or replicate",
+        ),
+        ("--border constant:-1", "--border: constant:-1: must be constant, constant:VALUE or replicate"),
+        (r"\[/]", r"\[/]: cannot be read: No such file or directory"),
+    ],
+)
+def test_options_without_effect_and_odd_texts_are_refused_in_one_line(folder, run_command, arguments, message):
+    assert run_command(generate, f"{SMALL} {arguments}") == (2, "", f"error: {message}\n")
+    assert names(folder) == []
+
+
+def test_the_calibration_is_not_overwritten(folder, run_command):
+    rig = convert.to_opencv(embedded((64, 48)), None)
+    (folder / "eye.json").write_text(rig)
+    status, _, err = run_command(generate, f"eye.json {SMALL} --top eye --output .")
+    assert (status, err) == (2, "error: --output: eye.json: is one of the files that are read; choose another name\n")
+    assert (folder / "eye.json").read_text() == rig and names(folder) == ["eye.json"]
+
+
+def test_a_folder_in_the_way_is_named_and_the_old_files_stay(folder, run_command):
+    (folder / "out/eye.v").mkdir(parents=True)
+    status, _, err = run_command(generate, f"{SMALL} --top eye --output out")
+    assert (status, err) == (2, "error: --output: out/eye.v: is a folder\n") and names(folder / "out") == ["eye.v"]
+
+
+def test_folders_are_printed_as_they_are_named(folder, run_command):
+    status, out, _ = run_command(generate, f"{SMALL} --output a[/]b[red]")
+    assert status == 0 and "a[/]b[red]" in out
+
+
+def test_a_lens_that_folds_back_is_warned_of(folder, run_command):
+    rig = embedded((64, 48))
+    left = replace(rig.left, D=np.array([-1.2, 0, 0, 0, 0]))
+    (folder / "rig.yml").write_text(convert.to_opencv(replace(rig, left=left), None))
+    _, _, err = run_command(generate, "rig.yml --camera left --output out --max-error 0.5 --alpha 1")
+    assert re.search(
+        r"note: rig\.yml: D1 = \[-1\.2, .*: the lens folds back in the rectified frame: [\d.]+ % of it", err
+    )
+
+
+def test_a_size_that_stretches_the_images_is_warned_of(folder, run_command):
+    _, _, err = run_command(generate, "--size 96x48 --datapath proposed --camera left --output out")
+    assert err.startswith("note: --size: 96x48: stretches the 640x480 images by 50 %; where a sensor crops them ")
+
+
+def test_simulation_keeps_its_inputs_and_refuses_half_an_image(folder, run_command):
+    image = np.random.default_rng(0).integers(0, 255, (48, 64), np.uint8)
+    for name in ("left_source.png", "whole.jpg", "half.jpg"):
+        cv2.imwrite(name, image)
+    half = (folder / "half.jpg").read_bytes()
+    (folder / "half.jpg").write_bytes(half[: len(half) // 2])
+    before = (folder / "left_source.png").read_bytes()
+    arguments = "--size 64x48 --datapath proposed --left {} --right whole.jpg --output ."
+    assert run_command(simulate, arguments.format("left_source.png"))[2] == (
+        "error: --output: left_source.png: is one of the files that are read; choose another name\n"
+    )
+    assert (folder / "left_source.png").read_bytes() == before
+    assert "half.jpg: ends in the middle of the image" in run_command(simulate, arguments.format("half.jpg"))[2]
+    cv2.imwrite("float.tiff", image.astype(np.float32))
+    assert run_command(simulate, arguments.format("float.tiff"))[2] == (
+        "error: float.tiff: pixels = float32: 8 or 16 bits without a sign are needed\n"
+    )

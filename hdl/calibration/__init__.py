@@ -40,6 +40,8 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 # The first that recognises a file reads it. OpenCV's comes last: others are written in its YAML too.
 FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, mynt, orbslam, orbslam3, bouguet, matlab, opencv)
 
+STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
+
 _EMBEDDED = "opencv_samples.yml"
 
 
@@ -88,7 +90,19 @@ def _rig(reader, documents, size, select):
         raise InputError("--select", None, select, f"there is nothing to choose in a calibration of {reader.TITLE}")
     rig = suspicions.settled(checks.check(reader.read(documents, size, select)))
     rig = replace(rig, format=reader.NAME)
-    return rig.scaled(*size) if size else rig
+    return _scaled(rig, *size) if size else rig
+
+
+def _scaled(rig, width, height):
+    stretch = width * rig.height / (height * rig.width)
+    scaled = rig.scaled(width, height)
+    if abs(stretch - 1) <= STRETCH:
+        return scaled
+    problem = (
+        f"stretches the {rig.width}x{rig.height} images by {100 * abs(stretch - 1):.0f} %; "
+        "where a sensor crops them the calibration needs another principal point instead"
+    )
+    return scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
 
 
 def _forced(format):

@@ -1,11 +1,10 @@
 """A rig as OpenCV writes calibrations: cv::FileStorage YAML that this project, cv2.FileStorage and people can read."""
 
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from hdl import files
 from hdl.calibration.rig import Rig
 from hdl.errors import InputError
 
@@ -51,10 +50,7 @@ def write(path: Path, text: str) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise InputError("--convert", None, path, f"the name must end in {' or '.join(SUFFIXES)}")
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".convert-") as scratch:
-        written = Path(scratch) / path.name
-        written.write_text(text, encoding="utf-8")
-        os.replace(written, path)
+    files.write({path: text})
 
 
 def _matrix(name, matrix):

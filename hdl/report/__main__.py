@@ -1,13 +1,11 @@
 """``python -m hdl.report``: one HTML page about the cores that ``hdl.generate`` wrote into a folder."""
 
 import json
-import math
-import os
-import tempfile
 from pathlib import Path
 
 import rich_click as click
 
+from hdl import files
 from hdl.cli import run, steps
 from hdl.errors import InputError
 from hdl.plan_file import load_folder
@@ -26,8 +24,8 @@ class DistancesType(click.ParamType):
         try:
             found = sorted({float(part) for part in value.split(",")})
         except ValueError:
-            found = [math.nan]
-        if not all(math.isfinite(distance) and distance > 0 for distance in found):
+            found = [0.0]
+        if not all(1e-9 <= distance <= 1e12 for distance in found):
             raise InputError("--distances", None, value, "must be positive numbers, for example 0.5,1,2")
         return found
 
@@ -77,8 +75,6 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
     python -m hdl.report build
     python -m hdl.report build --left L.png --right R.png --clock 150 --output mine.html
     """
-    if not (math.isfinite(clock) and clock > 0):
-        raise InputError("--clock", None, clock, "must be a positive number of MHz")
     planned = load_folder(folder)
     images = {side: file for side, file in (("left", left), ("right", right)) if file}
     for side in sorted({*images, *planned} if images else []):
@@ -87,10 +83,14 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
         if side not in images:
             raise InputError(f"--{side}", None, None, "give an image for each camera or for none")
     output = output or folder / "report.html"
-    read = {file.resolve() for one in planned.values() for file in (one.file, one.file.with_suffix(".v"))}
-    for option, file in (("--output", output), ("--json", json_file)):
-        if file and file.resolve() in read:
-            raise InputError(option, None, file, "is one of the files that are reported on")
+    if not 1e-3 <= clock <= 1e5:
+        raise InputError("--clock", None, clock, "must be 0.001 to 100000 MHz")
+    read = [file for one in planned.values() for file in (one.file, one.file.with_suffix(".v"))] + list(images.values())
+    files.refuse_overwriting("--output", [output], read)
+    if json_file:
+        files.refuse_overwriting("--json", [json_file], [*read, output])
+    for file in filter(None, (output, json_file)):
+        file.parent.mkdir(parents=True, exist_ok=True)
     with steps() as progress:
         found = measure(
             planned,
@@ -102,19 +102,12 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
             progress=progress,
         )
         progress("page")
-        _write(output, page(found))
+        contents = {output: page(found)}
         if json_file:
-            _write(json_file, json.dumps(found.figures(), indent=2) + "\n")
+            contents[json_file] = json.dumps(found.figures(), indent=2, allow_nan=False) + "\n"
+        files.write(contents)
     click.echo(output)
     return 1 if found.broken_pixels else 0
-
-
-def _write(file, text):
-    """Write a file as a whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=file.parent, prefix=".report-") as scratch:
-        (Path(scratch) / file.name).write_text(text, encoding="utf-8")
-        os.replace(Path(scratch) / file.name, file)
 
 
 if __name__ == "__main__":
