@@ -12,7 +12,8 @@ COMPILER := $(shell command -v $(firstword $(CXX)) g++ clang++ 2>/dev/null | hea
 .PHONY: demo test readme clean
 
 demo: $(VENV)/ready
-	$(BIN)/python -m sim.run
+	$(BIN)/python -m hdl.generate
+	$(BIN)/python -m sim.run --cores build
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/ruff check

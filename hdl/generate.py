@@ -14,6 +14,7 @@ from hdl.cli import BorderType, FolderType, SizeType, camera_table, note, rectif
 from hdl.core import AUTO, Options, build
 from hdl.cost import GOALS
 from hdl.datapaths import DATAPATHS
+from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, rectify
 from hdl.rectification_notes import notes, warnings
@@ -65,7 +66,9 @@ def core_options(command):
                 "--max-error",
                 type=float,
                 metavar="PX",
-                help="Largest coordinate error allowed, px per axis, rounding included.",
+                help="Largest error of source coordinates allowed, px of the source image per axis, rounding included. "
+                f"Default: {fitted_budget(Options.fraction_bits):g} for {AUTO} and fitted datapaths; "
+                f"{default_budget(Options.fraction_bits):.4f} for those that compute what they name.",
             ),
             click.option(
                 "--lens/--no-lens",

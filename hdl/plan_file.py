@@ -45,6 +45,11 @@ class PlannedCore:
     verilog: str
 
     @property
+    def files(self):
+        """The plan and the Verilog."""
+        return self.file, self.file.with_suffix(".v")
+
+    @property
     def view(self):
         """The `View` that the plan states."""
         camera = self.plan.camera

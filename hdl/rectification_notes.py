@@ -22,7 +22,9 @@ def notes(rig: Rig, options: RectificationOptions, views: dict[str, View]) -> li
         counts = [" + ".join(str(pair[side].window.rows) for side in SIDES) for pair in (before, views)]
         lines.append(
             f"--minimise rows: line buffers of {counts[0]} rows, left + right, become {counts[1]}; "
-            f"{100 * loss(before, views):.1f} % of the view is lost"
+            f"{100 * loss(before, views):.1f} % of the view is lost, "
+            + " and ".join(f"{100 * views[side].inside.mean():.1f} %" for side in SIDES)
+            + " of the frames have a source"
         )
     return lines
 

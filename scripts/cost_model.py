@@ -102,8 +102,9 @@ def _coordinates(core, cache):
 
 
 def off(row, cell):
-    """The estimate's relative error."""
-    return row["estimated"][cell] / max(row["synthesised"][cell], 1) - 1
+    """The estimate's relative error; of nothing, the number that was estimated."""
+    found = row["synthesised"][cell]
+    return (row["estimated"][cell] - found) / max(found, 1)
 
 
 def as_text(row):

@@ -93,7 +93,12 @@ def draw(file, title, size, rows, detail):
         page.text(EDGE, top + row_height + 22, row.label, size=14, weight="bold")
         page.text(EDGE + 2 * IMAGE + GAP, top + row_height + 22, _rows(row), size=13, align="right")
         if row.error:
-            page.text(right, top + row_height + 22, f"off by {_range(row.measured['coordinate_error'])}", size=13)
+            page.text(
+                right,
+                top + row_height + 22,
+                f"off by a distance of {_range(row.measured['coordinate_error'])}",
+                size=13,
+            )
     page.figure.savefig(file, dpi=DPI)
 
 

@@ -9,12 +9,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import rich_click as click
+from click.core import ParameterSource
 from rich.console import Console
 
 from hdl import files
-from hdl.cli import camera_table, run, steps
+from hdl.calibration.rig import SIDES
+from hdl.cli import camera_table, note, run, steps
 from hdl.errors import InputError
-from hdl.generate import SIDES, build_cores, core_options, load_rig, write
+from hdl.generate import build_cores, core_options, load_rig, write
+from hdl.plan_file import load_folder, stereo_rig
 from sim.alignment import row_difference
 from sim.beats import to_beats, to_frames
 from sim.engine import compile_core
@@ -65,9 +68,17 @@ class Result:
 @click.option(
     "--right", type=click.Path(path_type=Path, exists=True, dir_okay=False), help="Image of the right camera."
 )
+@click.option(
+    "--cores",
+    "folder",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Run the cores of both cameras that hdl.generate wrote into DIR; without CALIBRATION and its options.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
-def simulate(calibrations, size, file_format, select, left, right, as_json, output, **choices):
-    """Build the cores of both cameras and run a frame of each through the generated Verilog.
+@click.pass_context
+def simulate(ctx, calibrations, size, file_format, select, folder, left, right, as_json, output, **choices):
+    """Run a frame of each camera through the Verilog of its core, built for it or taken from a folder.
 
     Give your own pair with --left and --right, as large as the calibration's images (or as --size). Without them, a
     scene is rendered as the two cameras would see it; there the true row of every point is known, before and after.
@@ -75,23 +86,32 @@ def simulate(calibrations, size, file_format, select, left, right, as_json, outp
     \b
     python -m sim.run
     python -m sim.run rig.yml --left L.png --right R.png --output build/mine
+    python -m sim.run --cores build --left L.png --right R.png
     """
     if (left is None) != (right is None):
         raise InputError("--right" if left else "--left", None, None, "give both images or neither")
     images = {"left": left, "right": right} if left else {}
-    targets = [output / f"{name}.png" for name in PICTURES]
-    files.refuse_overwriting("--output", targets, (*calibrations, *images.values()))
+    planned = _planned(ctx, folder) if folder else {}
+    read = (*calibrations, *images.values(), *(file for one in planned.values() for file in one.files))
+    files.refuse_overwriting("--output", [output / f"{name}.png" for name in PICTURES], read)
     with steps() as progress:
         progress("calibration")
-        rig = load_rig(calibrations, size, file_format, select)
-        cores = dict(zip(SIDES, build_cores(None, progress, rig, **choices)))
-        plan = cores["left"].plan
-        if left:
-            sources = {side: read_image(file, plan) for side, file in images.items()}
+        rig = stereo_rig(planned) if planned else load_rig(calibrations, size, file_format, select)
+        plan = planned["left"].plan if planned else None
+        pixel_bits, channels = (
+            getattr(plan, name) if plan else int(choices[name]) for name in ("pixel_bits", "channels")
+        )
+        sources = {side: read_image(file, rig, pixel_bits, channels) for side, file in images.items()}
+        if planned:
+            cores = {side: one.rebuild(progress) for side, one in planned.items()}
         else:
+            cores = dict(zip(SIDES, build_cores(None, progress, rig, **choices)))
+        if not sources:
             progress("rendering the scene")
-            sources = render(rig, plan.lens, bits=plan.pixel_bits, channels=plan.channels)
-        write(cores.values(), output, (*calibrations, *images.values()))
+            sources = render(rig, cores["left"].plan.lens, bits=pixel_bits, channels=channels)
+        if not planned:
+            _note_replaced(cores, output)
+            write(cores.values(), output, read)
         progress("compiling the Verilog for simulation")
         with ThreadPoolExecutor() as pool:
             compiled = dict(zip(SIDES, pool.map(lambda core: _compile(core, output / "cache"), cores.values())))
@@ -109,13 +129,42 @@ def simulate(calibrations, size, file_format, select, left, right, as_json, outp
     return 1 if broken else 0
 
 
-def read_image(file, plan):
-    """An image as a source frame of the plan's size and pixel format; raises InputError where it is none.
+def _planned(ctx, folder):
+    """The cores in a folder, {side: `PlannedCore`}; raises InputError unless both are there, unchanged."""
+    allowed = {"folder", "left", "right", "as_json", "output"}
+    for parameter in ctx.command.params:
+        if parameter.name not in allowed and ctx.get_parameter_source(parameter.name) is ParameterSource.COMMANDLINE:
+            problem = f"the cores are built already: {parameter.opts[0]} cannot change them"
+            raise InputError("--cores", None, folder, problem)
+    planned = load_folder(folder)
+    for side in SIDES:
+        if side not in planned:
+            raise InputError("--cores", None, folder, f"has no core for the {side} camera")
+    return planned
+
+
+def _note_replaced(cores, output):
+    """Say which cores in the folder are replaced by others."""
+    for core in cores.values():
+        file = output / f"{core.plan.top}.json"
+        if file.is_file() and file.read_text(errors="replace") != core.plan.to_json():
+            note(f"{file}: replaced, and its Verilog; --cores {output} runs the cores that are there")
+
+
+def read_image(file, frame, pixel_bits, channels):
+    """An image as a source frame; raises InputError where it is none.
 
     Gray cores take colour images as gray. Images of 8 bits are scaled up for cores of more.
+
+    Parameters
+    ----------
+    file : Path
+    frame : Rig or Plan
+        It has the ``width`` and ``height`` that the image must have, px.
+    pixel_bits, channels : int
     """
     try:
-        image = cv2.imread(str(file), cv2.IMREAD_COLOR if plan.channels == 3 else cv2.IMREAD_ANYDEPTH)
+        image = cv2.imread(str(file), cv2.IMREAD_COLOR if channels == 3 else cv2.IMREAD_ANYDEPTH)
     except cv2.error as error:
         raise InputError(file, None, None, f"OpenCV refuses this image: {error.err}") from None
     if image is None:
@@ -124,19 +173,24 @@ def read_image(file, plan):
     if data.startswith(JPEG_START) and JPEG_END not in data[-JPEG_TAIL:]:
         raise InputError(file, None, None, "ends in the middle of the image")
     height, width = image.shape[:2]
-    if (width, height) != (plan.width, plan.height):
+    if (width, height) != (frame.width, frame.height):
         raise InputError(
             file,
             "size",
             f"{width}x{height}",
-            f"the calibration is for {plan.width}x{plan.height}; --size {width}x{height} scales it",
+            f"the cores take {frame.width}x{frame.height}"
+            + (
+                f"; --size {width}x{height} scales the calibration"
+                if width * frame.height == height * frame.width
+                else ""
+            ),
         )
     if image.dtype == np.uint8:
-        return image if plan.pixel_bits == 8 else image.astype(np.uint16) << (plan.pixel_bits - 8)
+        return image if pixel_bits == 8 else image.astype(np.uint16) << (pixel_bits - 8)
     if image.dtype != np.uint16:
         raise InputError(file, "pixels", image.dtype, "8 or 16 bits without a sign are needed")
-    if int(image.max()) >> plan.pixel_bits:
-        raise InputError(file, "pixels", f"up to {image.max()}", f"do not fit {plan.pixel_bits} bits; see --pixel-bits")
+    if int(image.max()) >> pixel_bits:
+        raise InputError(file, "pixels", f"up to {image.max()}", f"do not fit {pixel_bits} bits; see --pixel-bits")
     return image
 
 

@@ -194,7 +194,7 @@ def test_simulation_needs_both_images_of_the_right_size(folder, run_command):
     (folder / "text.png").write_text("no image")
     assert run_command(simulate, "--left small.png")[2] == "error: --right: give both images or neither\n"
     assert run_command(simulate, "--left small.png --right small.png")[2] == (
-        "error: small.png: size = 20x10: the calibration is for 640x480; --size 20x10 scales it\n"
+        "error: small.png: size = 20x10: the cores take 640x480\n"
     )
     assert run_command(simulate, "--left text.png --right text.png")[2] == (
         "error: text.png: is not an image that OpenCV can read\n"
@@ -282,4 +282,44 @@ def test_simulation_keeps_its_inputs_and_refuses_half_an_image(folder, run_comma
     cv2.imwrite("float.tiff", image.astype(np.float32))
     assert run_command(simulate, arguments.format("float.tiff"))[2] == (
         "error: float.tiff: pixels = float32: 8 or 16 bits without a sign are needed\n"
+    )
+
+
+def test_simulation_runs_the_cores_of_a_folder_as_they_are(folder, run_command):
+    run_command(generate, "--size 64x48 --datapath proposed --output rtl --top mine")
+    before = {file.name: file.read_bytes() for file in (folder / "rtl").iterdir()}
+    status, out, err = run_command(simulate, "--cores rtl --output pictures --json")
+    assert (status, err) == (0, "")
+    cameras = json.loads(out)["cameras"]
+    assert {side: camera["plan"]["top"] for side, camera in cameras.items()} == {
+        "left": "mine_left",
+        "right": "mine_right",
+    }
+    assert all(camera["pixels_different_from_model"] == 0 for camera in cameras.values())
+    assert {file.name: file.read_bytes() for file in (folder / "rtl").iterdir()} == before
+    assert not (folder / "pictures/mine_left.v").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        ("--cores rtl --datapath spline", "--cores: rtl: the cores are built already: --datapath cannot change them"),
+        ("--cores rtl rig.yml", "--cores: rtl: the cores are built already: calibrations cannot change them"),
+        ("--cores rtl", "--cores: rtl: has no core for the right camera"),
+        ("--cores nothing", "nothing: there is no such folder"),
+    ],
+)
+def test_cores_to_simulate_are_both_there_and_not_to_be_changed(folder, run_command, arguments, message):
+    run_command(generate, "--size 64x48 --datapath proposed --output rtl --camera left")
+    assert run_command(simulate, arguments)[::2] == (2, f"error: {message}\n")
+
+
+def test_simulation_says_which_cores_it_replaces(folder, run_command):
+    run_command(generate, "--size 64x48 --datapath proposed --output out")
+    _, _, err = run_command(simulate, "--size 64x48 --datapath proposed --output out")
+    assert err == ""
+    _, _, err = run_command(simulate, "--size 64x48 --datapath accumulate --output out")
+    assert err == "".join(
+        f"note: out/rectify_{side}.json: replaced, and its Verilog; --cores out runs the cores that are there\n"
+        for side in ("left", "right")
     )

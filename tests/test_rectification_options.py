@@ -170,7 +170,9 @@ def test_notes_tell_rows_before_and_after():
     lost = 100 * loss(before, after)
     assert notes(rig("radtan"), options, after) == [
         f"--minimise rows: line buffers of {before['left'].window.rows} + {before['right'].window.rows} rows, left + "
-        f"right, become {after['left'].window.rows} + {after['right'].window.rows}; {lost:.1f} % of the view is lost"
+        f"right, become {after['left'].window.rows} + {after['right'].window.rows}; {lost:.1f} % of the view is lost, "
+        + " and ".join(f"{100 * after[side].inside.mean():.1f} %" for side in SIDES)
+        + " of the frames have a source"
     ]
 
 

@@ -93,20 +93,20 @@ def test_the_slider_shows_the_frames_before_and_after(opened):
     found = opened()
     slider = found.get_by_role("slider")
     slider.focus()
-    slider.press("Home")
-    before = picture(found)
     slider.press("End")
+    before = picture(found)
+    slider.press("Home")
     after = picture(found)
-    slider.press("ArrowLeft")
+    slider.press("ArrowRight")
     assert slider.get_attribute("aria-valuetext") == "99 % of each picture rectified"
     slider.fill("50")
     half = picture(found)
     assert np.abs(before - after).mean() > 5
-    # Of the left picture: what is left of its divider is rectified, the rest as it came.
+    # Of the left picture: what is left of its divider is as it came, the rest rectified.
     width = before.shape[1] // 2
     first, second = slice(5, round(0.45 * width)), slice(round(0.55 * width), round(0.97 * width))
-    assert np.abs(half - after)[:, first].mean() < 1 < np.abs(half - before)[:, first].mean()
-    assert np.abs(half - before)[:, second].mean() < 1 < np.abs(half - after)[:, second].mean()
+    assert np.abs(half - before)[:, first].mean() < 1 < np.abs(half - after)[:, first].mean()
+    assert np.abs(half - after)[:, second].mean() < 1 < np.abs(half - before)[:, second].mean()
 
 
 def test_on_paper_both_frames_are_shown_whole(opened):

@@ -13,7 +13,7 @@ from hdl.coordinates import Coordinates
 from hdl.cost import Cost, block_rams
 from hdl.datapaths.base import Datapath, check_budget, fitted_budget
 from hdl.datapaths.spline_fit import LEAST_CELL, Cells, Fit
-from hdl.errors import BudgetError, InputError
+from hdl.errors import BudgetError
 from hdl.fixedpoint import Q
 
 # Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
@@ -292,13 +292,18 @@ class _Search:
             candidate = self._quantised(cells)
             if candidate and (not found or candidate.cost.ramb18 < found.cost.ramb18):
                 found = candidate
-        if not found and not np.isfinite(self.reached):
-            least = f"{self.CELL_WIDTHS[-1]} px"
-            problem = f"the map of the {self.view.side} camera bends too much for splines of cells of {least} and more"
-            raise InputError("--max-error", None, self.budget, problem)
         if not found:
+            if not np.isfinite(self.reached):
+                self._fit_finest()
             raise BudgetError(self.budget, self.reached, f"spline for the {self.view.side} camera")
         return found
+
+    def _fit_finest(self):
+        """Find out what the finest cells reach."""
+        view, height = self.view, self.CELL_HEIGHTS[-1]
+        cells = Cells(view.width, view.height, self.CELL_WIDTHS[-1], height, height // self.SLOPES[1])
+        error = max(Fit(cells, target, self.inside).error for target in self.targets)
+        self.reached = error + self.budget - self.slack
 
     @property
     def slack(self):

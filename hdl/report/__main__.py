@@ -85,7 +85,7 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
     output = output or folder / "report.html"
     if not 1e-3 <= clock <= 1e5:
         raise InputError("--clock", None, clock, "must be 0.001 to 100000 MHz")
-    read = [file for one in planned.values() for file in (one.file, one.file.with_suffix(".v"))] + list(images.values())
+    read = [*(file for one in planned.values() for file in one.files), *images.values()]
     files.refuse_overwriting("--output", [output], read)
     if json_file:
         files.refuse_overwriting("--json", [json_file], [*read, output])

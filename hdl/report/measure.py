@@ -150,10 +150,14 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
     InputError
         For plans that do not rebuild, images that do not fit, and distances that no point of both images has.
     """
+    plans = {side: one.plan for side, one in planned.items()}
+    sources = {
+        side: read_image(file, plans[side], plans[side].pixel_bits, plans[side].channels)
+        for side, file in images.items()
+    }
     cores = {}
     for side, one in planned.items():
         cores[side] = one.rebuild(lambda step, side=side: progress(f"{side} camera: {step}"))
-    sources = {side: read_image(file, planned[side].plan) for side, file in images.items()}
     errors = {side: figures.coordinate_errors(core) for side, core in cores.items()}
     geometry, at = None, []
     if len(cores) == 2:
