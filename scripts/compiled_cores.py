@@ -1,5 +1,6 @@
 """Cores of several datapaths for one rig, compiled for simulation; what is the same is made once."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 
@@ -30,7 +31,7 @@ class Cores:
     def of(self, rig, lens, names):
         """{datapaths with the same coordinates: {side: (Core, compiled)}}, for ``rig`` with or without the lens."""
         groups = {}
-        with ThreadPoolExecutor(2) as pool:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
             for name in names:
                 pair = {side: self._core(rig, side, lens, name) for side in SIDES}
                 if None in pair.values():

@@ -1,5 +1,6 @@
 """Errors of source coordinates: of the integer models against a reference, and of the Verilog against the models."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -101,7 +102,7 @@ def measure(name, rig, *, lenses, datapaths, verilog, progress):
     refusals : list of str
     """
     rows, refusals, runs = [], [], []
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         for lens in lenses:
             for side, view in rectify(rig, lens=lens).items():
                 exact, counted, reference = view.map(), view.inside, None

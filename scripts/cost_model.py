@@ -1,5 +1,6 @@
 """``python -m scripts.cost_model``: the estimates by which ``--datapath auto`` chooses, against Yosys."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -76,7 +77,7 @@ def measure(rigs, names, cache, progress):
                     if not dsp or core.parameters.datapath.cost.dsp:
                         jobs.append((rig_name, view, core))
     rows = []
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         cells = pool.map(lambda job: _coordinates(job[2], cache), jobs)
         for (rig_name, view, core), found in zip(jobs, cells):
             progress(f"synthesis: {len(rows) + 1} of {len(jobs)}")

@@ -1,6 +1,7 @@
 """``python -m scripts.growth``: what a core takes as the frame grows to 3840x2160, next to the memory of a table."""
 
 import dataclasses
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def measure(progress, cache):
             view = rectify(calibration.embedded(size), lens=lens)["left"]
             cores.append(build(view, Options(name), f"rectify_{name}"))
     progress(f"synthesis of {len(cores)} cores")
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         cells = list(pool.map(lambda core: synthesise(core.verilog, core.plan.top, cache=cache), cores))
     rows = []
     for core, found in zip(cores, cells):

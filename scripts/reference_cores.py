@@ -1,6 +1,7 @@
 """``python -m scripts.reference_cores``: the cheapest core for each real rig, as synthesised."""
 
 import dataclasses
+import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def reference_cores(names, camera, max_error, fraction_bits, data, json_file, ca
                 progress(f"{name}, {'with' if lens else 'without'} the lens")
                 cores.append((name, build(rectify(rig, lens=lens)[camera], options, "core")))
         progress(f"synthesis of {len(cores)} cores")
-        with ThreadPoolExecutor(2) as pool:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
             rows = list(pool.map(lambda named: measure(*named, cache), cores))
     write_json(json_file, rows)
     show(f"Whole cores, {camera} camera, 8 bit. {conditions(dsp=False)}.", HEADINGS, map(as_text, rows))

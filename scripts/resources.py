@@ -4,6 +4,7 @@ And the ladder: what the coordinates alone take, and how exact they are.
 """
 
 import dataclasses
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
@@ -113,7 +114,7 @@ def measure(size, names, cache, progress):
             except InputError as refusal:
                 refusals.append(f"{name}, {'with' if lens else 'without'} the lens: {refusal.problem}")
     rows = []
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         for number, found in enumerate(pool.map(lambda job: list(cells(job, cache)), jobs)):
             progress(f"synthesis: {number + 1} of {len(jobs)} cores")
             rows += found

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import pytest
 
@@ -9,6 +10,7 @@ from hdl import calibration, yosys
 from hdl.cli import run
 from hdl.core import Options, build
 from hdl.datapaths import DATAPATHS
+from hdl.datapaths.conventional_lens import ConventionalLens
 from hdl.rectification import rectify
 from hdl.synthesis import Resources, synthesise, synthesise_block
 from scripts import cost_model, growth, readme, resources
@@ -203,3 +205,14 @@ def test_growth_is_plotted(tmp_path, monkeypatch):
     assert rows[-1]["coordinate_ramb18"] > 3 * rows[-2]["coordinate_ramb18"] > 0
     growth.draw(rows, tmp_path / "growth.svg")
     assert (tmp_path / "growth.svg").read_text().count("<path") > 20
+
+
+@pytest.mark.parametrize("datapath", [*DATAPATHS.values(), ConventionalLens], ids=lambda datapath: datapath.__name__)
+def test_figures_in_docstrings_are_those_of_the_readme(datapath):
+    """Those of the README are checked against synthesis by ``scripts.resources --check``."""
+    ladder = readme.README.read_text().partition("<!-- ladder:begin -->")[2]
+    rows = [line.strip("| ").split(" | ") for line in ladder.splitlines() if line.startswith("| ")]
+    measured = {(int(row[3]), int(row[2])) for row in rows[2:] if row[0].partition(",")[0] == datapath.name}
+    stated = {tuple(map(int, found)) for found in re.findall(r"(\d+) LUT(?: and|,) (\d+) FF", datapath.__doc__)}
+    # A table is not built for a frame of the README's size.
+    assert stated <= measured and bool(stated) == (datapath.name != "table")

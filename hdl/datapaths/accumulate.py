@@ -13,6 +13,8 @@ class Accumulate(Projective):
 
     As exact as `conventional`, without its multipliers. Latency: the dividers' quotient bits; 1 px/clock.
 
+    608 LUT and 740 FF (README, the ladder: coordinates of the embedded rig, 640x480, 0.05 px).
+
     Source: Hyun and Moon 2015, Eq. 4.
     """
 

@@ -26,6 +26,8 @@ class Affine(Proposed):
     Fitted without the lens only: with it any affine map is off by tens of pixels, which nobody wants to get for having
     left out an option.
 
+    48 LUT and 51 FF (README, the ladder: coordinates of the embedded rig, 640x480).
+
     Parameters
     ----------
     u_form, v_form : LinearForm

@@ -29,7 +29,10 @@ class Polynomial(Datapath):
     Each has the smallest degree that meets the budget, its coefficients of least maximum error over the pixels whose
     source is inside the image. Degree d takes d*(d + 1)/2 registers and as many adders; degree 1 is `affine`. Without
     a lens degree 2 comes within hundredths of a pixel; lenses take degree 5 and more, at many times a spline's
-    flip-flops (the ladder in the README has figures), so that degrees above 6 are not tried. Latency 0, 1 px/clock.
+    flip-flops, so that degrees above 6 are not tried. Latency 0, 1 px/clock.
+
+    118 LUT and 102 FF without the lens, 738 LUT and 804 FF with it (README, the ladder: coordinates of the embedded
+    rig, 640x480, 0.05 px).
 
     Differences along a row change once a cell, those of degree 2 from row to row as well, where the chords fit into the
     budget, since that takes fewer bits.

@@ -138,6 +138,9 @@ class Spline(Datapath):
     few rows. Values and slopes are in one small RAM, the bends in a ROM, both shared by u and v, and one pair of adders
     takes them all along. v is kept relative to the output row.
 
+    165 LUT, 154 FF and 2 RAMB18 with the lens, 229 LUT and 179 FF without (README, the ladder: coordinates of the
+    embedded rig, 640x480, 0.05 px). Latency 0, 1 px/clock.
+
     Parameters
     ----------
     u_surface, v_surface : Surface
