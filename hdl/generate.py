@@ -143,7 +143,7 @@ def core_options(command):
 def generate(calibrations, size, file_format, select, camera, as_json, output, **choices):
     """Write the Verilog of streaming rectification cores, and a plan that says how exact each one is.
 
-    CALIBRATION is the stereo calibration that your tool wrote: one file, or OpenCV's intrinsics and extrinsics pair.
+    CALIBRATION is the stereo calibration that your tool wrote: one file, a folder, or the files of one pair of cameras.
     Without one, cores for an embedded example rig are built.
 
     \b

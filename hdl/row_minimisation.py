@@ -125,6 +125,8 @@ class _Measured:
 
     def lost(self, after) -> float:
         """The largest share that ``after``, measured alike, has lost; below 0 if it has gained of everything."""
+        if not self._filled:  # there was nothing to lose
+            return 0.0
         fill = after._filled / self._filled
         return float(1 - min(self._still_seen(after._view), fill, after._view.P[1, 1] / self._view.P[1, 1]))
 
