@@ -66,7 +66,7 @@ def headlines(report):
         (
             f"{worst:.3f} px",
             "largest coordinate error",
-            f"per axis, at any pixel, rounding included; {euclidean:.3f} px as a distance",
+            f"of the source image, per axis, at any pixel, rounding included; {euclidean:.3f} px as a distance",
         )
     ]
     if report.first.resources:
