@@ -247,7 +247,8 @@ def write(cores, directory, read=()):
 
 def considered(plan):
     """A table of the datapaths that were considered for a core, the chosen one first."""
-    table = Table(title=f"Datapaths for the {plan.camera.side} camera; cost of the coordinates, estimated", title_justify="left", title_style="bold")
+    title = f"Datapaths for the {plan.camera.side} camera; cost of the coordinates, estimated"
+    table = Table(title=title, title_justify="left", title_style="bold")
     table.add_column("datapath")
     for heading in ("error px", "LUT", "FF", "RAMB18", "DSP"):
         table.add_column(heading, justify="right")
