@@ -2,7 +2,6 @@
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import rich_click as click
@@ -15,7 +14,7 @@ from hdl.errors import InputError
 from hdl.rectification import rectify
 from hdl.synthesis import conditions, synthesise_block
 from scripts import reference_rigs
-from scripts.tables import json_option, show, write_json
+from scripts.tables import cache_option, json_option, show, write_json
 
 SIZES = ((160, 120), (640, 480), (1280, 960))  # px, of the embedded rig
 HEADINGS = (
@@ -29,15 +28,9 @@ CELLS = ("lut", "ff", "ramb18", "dsp")
 @click.option(
     "--datapath", "names", multiple=True, type=click.Choice(list(DATAPATHS)), help="Only this one; may be repeated."
 )
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @json_option
-@click.option(
-    "--cache",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("build/cache"),
-    show_default=True,
-    help="Where results of synthesis are kept.",
-)
+@cache_option
 def cost_model(names, data, json_file, cache):
     """Estimated and synthesised cost of the coordinate hardware, for the embedded rig at several sizes and, where they
     are there, for the reference rigs."""

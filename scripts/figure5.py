@@ -76,7 +76,7 @@ class Pair:
     help="Real pairs to show, besides the rendered ones; may be repeated: "
     f"{', '.join(reference_rigs.IMAGES)}. Default: {next(iter(reference_rigs.IMAGES))}, where there.",
 )
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @click.option(
     "--output",
     type=click.Path(path_type=Path, file_okay=False),

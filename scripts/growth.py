@@ -15,7 +15,7 @@ from hdl.core import Options, build
 from hdl.datapaths.table import Table
 from hdl.rectification import rectify
 from hdl.synthesis import conditions, synthesise
-from scripts.tables import json_option, show, write_json
+from scripts.tables import cache_option, json_option, show, write_json
 
 SIZES = ((320, 240), (640, 480), (1280, 960), (1920, 1440), (3840, 2160))
 CORES = (("proposed", False), ("spline", True))
@@ -31,13 +31,7 @@ HEADINGS = ("core", "frame", "FF", "LUT", "line buffer, RAMB18", "coordinates, R
     show_default=True,
     help="Where the plot goes; the name's end says in which format.",
 )
-@click.option(
-    "--cache",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("build/cache"),
-    show_default=True,
-    help="Where results of synthesis are kept.",
-)
+@cache_option
 def growth(json_file, plot, cache):
     """Resources and latency of cores for the embedded rig's left camera, scaled to ever larger frames.
 

@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import rich_click as click
 
@@ -27,7 +26,7 @@ HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost"
     metavar="SHARE",
     help="What of the view may be given up.",
 )
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @json_option
 def minimise_rows(names, max_fov_loss, data, json_file):
     """Rows of line buffer of every reference rig, or of the named ones, before and after --minimise rows."""

@@ -3,7 +3,6 @@
 import dataclasses
 import os
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import rich_click as click
 
@@ -13,7 +12,7 @@ from hdl.errors import InputError
 from hdl.rectification import rectify
 from hdl.synthesis import conditions, synthesise, synthesise_block
 from scripts import reference_rigs
-from scripts.tables import json_option, show, write_json
+from scripts.tables import cache_option, json_option, show, write_json
 
 HEADINGS = ("rig", "frame", "lens", "datapath", "error", "FF", "LUT", "DSP", "coordinates: FF", "LUT", "RAMB18",
             "line buffer: RAMB18", "rows")  # fmt: skip
@@ -24,15 +23,9 @@ HEADINGS = ("rig", "frame", "lens", "datapath", "error", "FF", "LUT", "DSP", "co
 @click.option("--camera", type=click.Choice(["left", "right"]), default="left", show_default=True)
 @click.option("--max-error", type=float, metavar="PX", help="Budget, px. Default: hdl.generate's.")
 @click.option("--fraction-bits", type=click.IntRange(3, 8), default=Options.fraction_bits, show_default=True)
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @json_option
-@click.option(
-    "--cache",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("build/cache"),
-    show_default=True,
-    help="Where results of synthesis are kept.",
-)
+@cache_option
 def reference_cores(names, camera, max_error, fraction_bits, data, json_file, cache):
     """Build the core that --datapath auto chooses for every reference rig, or for the named ones, with the lens and
     without it, and synthesise it."""

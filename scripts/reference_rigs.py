@@ -3,11 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import rich_click as click
+
 from hdl import calibration
 from hdl.calibration import Rig
 from hdl.errors import InputError
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data" / "rigs"
+data_option = click.option(
+    "--data", type=click.Path(path_type=Path), default=FOLDER, help="The folder of the reference rigs."
+)
 
 # Name to the files that describe one rig.
 CALIBRATIONS = {

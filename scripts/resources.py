@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
 from operator import sub
-from pathlib import Path
 
 import rich_click as click
 
@@ -22,7 +21,7 @@ from hdl.errors import BudgetError, InputError
 from hdl.rectification import rectify
 from hdl.synthesis import conditions, synthesise, synthesise_block
 from scripts import readme
-from scripts.tables import json_option, show, write_json
+from scripts.tables import cache_option, json_option, show, write_json
 
 SIZE = 640, 480  # of the README's tables
 # Hyun and Moon 2015, Table 2 (Virtex-7): flip-flops and LUT; it does not tell DSP and block RAM.
@@ -62,13 +61,7 @@ class Job:
 @json_option
 @click.option("--readme", "update", is_flag=True, help="Write the tables into the README.")
 @click.option("--check", is_flag=True, help="Fail if the README's tables are not these.")
-@click.option(
-    "--cache",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("build/cache"),
-    show_default=True,
-    help="Where results of synthesis are kept.",
-)
+@cache_option
 def resources(size, names, json_file, update, check, cache):
     """Synthesise the core of every datapath for the embedded rig's left camera, with and without DSP blocks.
 

@@ -28,7 +28,7 @@ EPIPOLAR_TOLERANCE = 1.0  # px
 
 
 @click.command()
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @json_option
 def row_difference(data, json_file):
     """Mean row difference of matched points in the real image pairs, before and after rectification with the lens.

@@ -6,7 +6,6 @@ both come from the integer models of the datapaths; for the embedded rig the exp
 
 import sys
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 import rich_click as click
@@ -44,7 +43,7 @@ README_HEADINGS = ("coordinates", "left: mean u, v", "max", "right: mean u, v", 
     metavar="NAME",
     help=f"This rig alone, with every datapath; may be repeated: {EMBEDDED}, {', '.join(reference_rigs.CALIBRATIONS)}.",
 )
-@click.option("--data", type=click.Path(path_type=Path), default=reference_rigs.FOLDER, help="The reference rigs.")
+@reference_rigs.data_option
 @json_option
 @click.option("--readme", "update", is_flag=True, help="Write the table of the embedded rig into the README.")
 @click.option("--check", is_flag=True, help="Fail if the README's table is not this one.")

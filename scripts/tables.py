@@ -1,4 +1,4 @@
-"""What the scripts that measure share: the option --json, and tables on the terminal."""
+"""What the scripts that measure share: options, and tables on the terminal."""
 
 import json
 from pathlib import Path
@@ -17,6 +17,14 @@ json_option = click.option(
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
     help="Write the rows to FILE.",
+)
+
+cache_option = click.option(
+    "--cache",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("build/cache"),
+    show_default=True,
+    help="Where results of synthesis are kept.",
 )
 
 
