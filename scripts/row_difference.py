@@ -18,13 +18,11 @@ from hdl.errors import InputError
 from hdl.rectification import RectificationOptions, View, rectify
 from scripts import reference_rigs
 from scripts.tables import json_option, show, write_json
+from sim.matching import features
 from sim.remap import CV2_FRACTION_BITS, cv2_remap
 
 LIMIT = 0.3  # px, of the mean after rectification
 HEADINGS = ("rig", "points by", "pairs", "points", "before", "after: mean", "median", "95 %", "mean, signed")
-FEATURES = 4000
-RATIO = 0.75  # of the distance to the best match to that to the second best (Lowe 2004)
-EPIPOLAR_TOLERANCE = 1.0  # px
 
 
 @click.command()
@@ -120,35 +118,6 @@ def _corners(image, board):
         return None
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-3)
     return cv2.cornerSubPix(image, points, (5, 5), (-1, -1), stop).reshape(-1, 2).astype(np.float64)
-
-
-def features(left, right):
-    """Matched SIFT features of both images, (n, 2) each.
-
-    Matches are each other's best, clearly better than the second, and agree with one fundamental matrix that is
-    estimated from them alone: it does not know which rows the points should be on.
-    """
-    detector = cv2.SIFT_create(FEATURES)
-    (kept_left, described_left), (kept_right, described_right) = (
-        detector.detectAndCompute(image, None) for image in (left, right)
-    )
-    if any(described is None or len(described) < 2 for described in (described_left, described_right)):
-        return None
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-    back = {match.queryIdx: match.trainIdx for match in matcher.match(described_right, described_left)}
-    matches = [
-        best
-        for best, second in matcher.knnMatch(described_left, described_right, k=2)
-        if best.distance < RATIO * second.distance and back[best.trainIdx] == best.queryIdx
-    ]
-    if len(matches) < 16:
-        return None
-    points = [
-        np.array([kept_left[match.queryIdx].pt for match in matches]),
-        np.array([kept_right[match.trainIdx].pt for match in matches]),
-    ]
-    _, inliers = cv2.findFundamentalMat(*points, cv2.USAC_MAGSAC, EPIPOLAR_TOLERANCE, 0.9999, 10000)
-    return None if inliers is None else [side[inliers.ravel() > 0] for side in points]
 
 
 def read(path: Path) -> np.ndarray:

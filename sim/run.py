@@ -18,6 +18,7 @@ from hdl.cli import camera_table, note, run, steps
 from hdl.errors import InputError
 from hdl.generate import build_cores, core_options, load_rig, write
 from hdl.plan_file import load_folder, stereo_rig
+from sim import matching
 from sim.alignment import row_difference
 from sim.beats import to_beats, to_frames
 from sim.engine import compile_core
@@ -26,6 +27,7 @@ from sim.remap import cv2_remap, remap
 from sim.scene import render, visible_points
 
 KNOWN_POINTS = 4000
+SUSPICIOUS = 1.0  # px between the rows of matched points after rectification; good calibrations leave a quarter of it
 PICTURES = [f"{what}_{stage}" for stage in ("source", "rectified") for what in (*SIDES, "epipolar")]
 # libjpeg fills up with gray what is missing of an image. Some programs write a little behind the end.
 JPEG_START, JPEG_END, JPEG_TAIL = b"\xff\xd8", b"\xff\xd9", 4096
@@ -118,14 +120,19 @@ def simulate(ctx, calibrations, size, file_format, select, folder, left, right, 
         progress("running the frames")
         results = {side: frame_through(cores[side], *compiled[side], sources[side]) for side in SIDES}
         progress("row differences and pictures")
-        rows = None if left else known_rows(rig, results)
+        rows = matched_rows(results) if left else known_rows(rig, results)
         pictures = write_pictures(results, output)
+    if left and rows and rows["after"].mean > SUSPICIOUS:
+        note(
+            f"{left}, {right}: rows of matched points still differ by {rows['after'].mean:.1f} px on average; "
+            "is the calibration of these cameras, and left the left one?"
+        )
 
     broken = sum(result.model_differences + (result.cv2_differences or 0) for result in results.values())
     if as_json:
         click.echo(json.dumps(as_dict(results, rows, pictures), indent=2))
     else:
-        _print(results, rows, pictures)
+        _print(results, rows, "matched" if left else "known", pictures)
     return 1 if broken else 0
 
 
@@ -245,6 +252,17 @@ def known_rows(rig, results):
     return {"before": row_difference(None, points), "after": row_difference(maps, points)}
 
 
+def matched_rows(results):
+    """Row differences of points that both cameras' images show, before and after the hardware: two `RowDifference`, or
+    None where too few points are found."""
+    shift = results["left"].core.plan.pixel_bits - 8
+    rows = {
+        when: matching.matched_rows(*((getattr(results[side], stage) >> shift).astype(np.uint8) for side in SIDES))
+        for when, stage in (("before", "source"), ("after", "rectified"))
+    }
+    return rows if all(rows.values()) else None
+
+
 def write_pictures(results, directory):
     """Write the source and the rectified images and the epipolar overlays; returns their paths by name."""
     images = {}
@@ -278,7 +296,7 @@ def as_dict(results, rows, pictures):
     }
 
 
-def _print(results, rows, pictures):
+def _print(results, rows, points, pictures):
     console = Console(highlight=False)
     plan = results["left"].core.plan
     total = plan.width * plan.height
@@ -307,7 +325,7 @@ def _print(results, rows, pictures):
     if rows:
         before, after = rows["before"], rows["after"]
         console.print(
-            f"Rows of {after.n} known points in the left and right image differ by {before.mean:.2f} px on average "
+            f"Rows of {after.n} {points} points in the left and right image differ by {before.mean:.2f} px on average "
             f"(at most {before.max:.2f}) before, {after.mean:.3f} px (at most {after.max:.3f}) after."
         )
     for side in SIDES:

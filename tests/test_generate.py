@@ -18,6 +18,7 @@ from hdl.generate import generate
 from hdl.plan import Plan
 from hdl.synthesis import synthesise
 from sim.run import simulate
+from sim.scene import render
 
 
 @pytest.fixture
@@ -322,4 +323,21 @@ def test_simulation_says_which_cores_it_replaces(folder, run_command):
     assert err == "".join(
         f"note: out/rectify_{side}.json: replaced, and its Verilog; --cores out runs the cores that are there\n"
         for side in ("left", "right")
+    )
+
+
+def test_simulation_measures_rows_of_matched_points_in_ones_own_images(folder, run_command):
+    size = (320, 240)
+    pair = render(embedded(size), lens=True)
+    for side, image in pair.items():
+        cv2.imwrite(f"{side}.png", image)
+    arguments = "--size 320x240 --output out --json --left {} --right {}"
+    status, out, err = run_command(simulate, arguments.format("left.png", "right.png"))
+    rows = json.loads(out)["row_difference"]
+    assert (status, err) == (0, "") and rows["after"]["n"] > 50
+    assert rows["after"]["mean"] < 0.3 < 3 < rows["before"]["mean"]
+    cv2.imwrite("moved.png", np.roll(pair["right"], 5, axis=0))
+    _, _, err = run_command(simulate, arguments.format("left.png", "moved.png"))
+    assert re.match(
+        r"note: left\.png, moved\.png: rows of matched points still differ by \d\.\d px on average; is the", err
     )

@@ -15,7 +15,7 @@ from hdl.plan_file import PlannedCore, stereo_rig
 from hdl.report import figures, stereo
 from hdl.synthesis import Resources, synthesise
 from sim.engine import compile_core
-from sim.run import Result, frame_through, known_rows, read_image
+from sim.run import Result, frame_through, known_rows, matched_rows, read_image
 from sim.scene import render
 
 _PICTURE_WIDTH, _PICTURE_QUALITY = 1000, 88  # of a JPEG in the page
@@ -69,7 +69,8 @@ class Report:
     rendered : bool
         Whether the pictures are of the rendered scene.
     rows : {"before", "after"} or None
-        `RowDifference` of known points of that scene; None for a single camera, and for the user's own pair.
+        `RowDifference` of known points of that scene, or of points that SIFT matches in the user's own pair; None for a
+        single camera, and where too few points are matched.
     geometry : (float, float, float) or None
         Of a pair: focal length (px), baseline, offset of the principal points (px).
     distances : list of stereo.AtDistance
@@ -195,9 +196,9 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
             )
             resources = dict(zip(cores, found))
     rows = None
-    if not images and len(cores) == 2:
-        progress("row differences of known points")
-        rows = known_rows(rig, results)
+    if len(cores) == 2:
+        progress("row differences")
+        rows = matched_rows(results) if images else known_rows(rig, results)
     cameras = {
         side: CameraReport(
             planned[side],

@@ -107,7 +107,7 @@ def headlines(report):
             (
                 f"{after.mean:.3f} px",
                 f"row difference, {before.mean:.1f} px before",
-                f"mean over {after.n} known points; at most {after.max:.3f} px",
+                f"mean over {after.n} {'known' if report.rendered else 'matched'} points; at most {after.max:.3f} px",
             )
         )
     return found
