@@ -157,8 +157,12 @@ def test_stale_tables_in_the_readme_fail_the_check(own_readme, monkeypatch, tmp_
     assert call(resources.resources, "--readme", "--json", str(tmp_path / "rows.json")) == 0
     assert call(resources.resources, "--check") == 0
     assert json.loads((tmp_path / "rows.json").read_text()) == ROWS
-    own_readme.write_text(own_readme.read_text().replace("| 593 |", "| 592 |"))
-    assert call(resources.resources, "--check") == 1
+    # A look-up table more or less is none the worse; three in a hundred, a digit more or another word is.
+    current = own_readme.read_text()
+    for old, new, status in (("| 593 |", "| 592 |", 0), ("| 593 |", "| 610 |", 1), ("| 593 |", "| 5934 |", 1),
+                             ("conventional,", "convenient,", 1)):  # fmt: skip
+        own_readme.write_text(current.replace(old, new))
+        assert call(resources.resources, "--check") == status
 
 
 def test_tables_of_some_datapaths_do_not_go_into_the_readme(own_readme, capsys):

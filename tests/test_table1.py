@@ -273,7 +273,7 @@ def test_stale_readme_is_an_exit_status_and_is_renewed(script, monkeypatch):
     assert text.startswith("before\n<!-- table1:begin -->\n| coordinates |") and text.endswith("-->\nafter\n")
     assert "| proposed, the paper's | 0.4465, 0.2255 | 2, 2 | 0.5028, 0.2880 | 3, 2 | ? |" in text
     assert script("--check")[0] == 0
-    readme.README.write_text(text.replace("0.4465", "0.4466"))
+    readme.README.write_text(text.replace("0.4465", "0.4765"))
     assert script("--check")[0] == 1
 
 
