@@ -4,7 +4,7 @@ from amaranth import Module
 from amaranth.lib import wiring
 
 from hdl.cost import Cost
-from hdl.datapaths.linear import Accumulator
+from hdl.datapaths.linear import Accumulator, connect_accumulator
 from hdl.datapaths.projective import Projective, connect_divider
 
 
@@ -45,12 +45,6 @@ class DividedAccumulators(wiring.Component):
         m = Module()
         values = []
         for name, form in self._parameters.forms.items():
-            m.submodules[f"{name}_accumulator"] = accumulator = Accumulator(form)
-            m.d.comb += [
-                accumulator.step.eq(self.step),
-                accumulator.end_of_line.eq(self.end_of_line),
-                accumulator.end_of_frame.eq(self.end_of_frame),
-            ]
-            values.append(accumulator.value)
+            values.append(connect_accumulator(m, self, name, Accumulator(form)))
         connect_divider(m, self, self._parameters, *values)
         return m

@@ -54,6 +54,15 @@ class LinearForm:
         return Q.covering(min(corners), max(corners), self.fraction_bits)
 
 
+def connect_accumulator(m, datapath, name, accumulator):
+    """The value of a coordinate's ``accumulator`` inside ``datapath``, whose raster position it follows."""
+    m.submodules[f"{name}_accumulator"] = accumulator
+    for port in ("step", "x", "y", "end_of_line", "end_of_frame"):
+        if port in accumulator.signature.members:
+            m.d.comb += getattr(accumulator, port).eq(getattr(datapath, port))
+    return accumulator.value
+
+
 class Accumulator(wiring.Component):
     """The value of a `LinearForm` at the raster position, by one addition a pixel (Eq. 4).
 

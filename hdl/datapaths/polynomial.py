@@ -4,14 +4,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from amaranth import Module
-from amaranth.lib import wiring
 
 from hdl.coordinates import Coordinates
 from hdl.cost import Cost
 from hdl.datapaths.base import Datapath, check_budget, fitted_budget
 from hdl.datapaths.differences import DifferenceAccumulator, DifferenceForm, functions_along
 from hdl.datapaths.minimax import minimax, outside_by
+from hdl.datapaths.proposed import AccumulatedCoordinates
 from hdl.errors import BudgetError
 
 DEGREES = range(1, 7)
@@ -93,35 +92,7 @@ class Polynomial(Datapath):
         return Cost(lut=round(0.93 * bits) + 8 * sum(form.cell_height > 1 for form in forms), ff=bits)
 
     def component(self):
-        return PolynomialCoordinates(self)
-
-
-class PolynomialCoordinates(wiring.Component):
-    """Both coordinates straight from a `DifferenceAccumulator` each; the rounding half is in the start values.
-
-    Latency 0, 1 px/clock. Members: `DatapathSignature`.
-    """
-
-    def __init__(self, parameters):
-        self._parameters = parameters
-        super().__init__(parameters.signature)
-
-    def elaborate(self, platform):
-        m = Module()
-        for name, form, out in (
-            ("u", self._parameters.u_form, self.u),
-            ("v", self._parameters.v_form, self.v),
-        ):
-            m.submodules[f"{name}_accumulator"] = accumulator = DifferenceAccumulator(form)
-            m.d.comb += [
-                accumulator.step.eq(self.step),
-                accumulator.x.eq(self.x),
-                accumulator.y.eq(self.y),
-                accumulator.end_of_line.eq(self.end_of_line),
-                accumulator.end_of_frame.eq(self.end_of_frame),
-                out.eq(accumulator.value >> (form.fraction_bits - self._parameters.fraction_bits)),
-            ]
-        return m
+        return AccumulatedCoordinates(self, DifferenceAccumulator)
 
 
 class _Search:

@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 from hdl.coordinates import Coordinates
 from hdl.cost import Cost
 from hdl.datapaths.base import ARITHMETIC_ERROR, Datapath, default_budget
-from hdl.datapaths.linear import Accumulator, LinearForm
+from hdl.datapaths.linear import Accumulator, LinearForm, connect_accumulator
 
 MOST_FRACTION_BITS = 48
 
@@ -66,7 +66,7 @@ class Proposed(Datapath):
         return Cost(lut=round(0.82 * bits), ff=bits)
 
     def component(self):
-        return AccumulatedCoordinates(self)
+        return AccumulatedCoordinates(self, Accumulator)
 
 
 def _narrowest(row, width, height, fraction_bits):
@@ -88,26 +88,27 @@ def _narrowest(row, width, height, fraction_bits):
 
 
 class AccumulatedCoordinates(wiring.Component):
-    """Both coordinates straight from an `Accumulator` each; the rounding half is in the start values.
+    """Both coordinates straight from an accumulator each; the rounding half is in the start values.
 
     Latency 0, 1 px/clock. Members: `DatapathSignature`.
+
+    Parameters
+    ----------
+    parameters : Datapath
+        With ``u_form`` and ``v_form``.
+    accumulator : class
+        The `wiring.Component` that accumulates such a form.
     """
 
-    def __init__(self, parameters):
+    def __init__(self, parameters, accumulator):
         self._parameters = parameters
+        self._accumulator = accumulator
         super().__init__(parameters.signature)
 
     def elaborate(self, platform):
         m = Module()
-        for name, form, out in (
-            ("u", self._parameters.u_form, self.u),
-            ("v", self._parameters.v_form, self.v),
-        ):
-            m.submodules[f"{name}_accumulator"] = accumulator = Accumulator(form)
-            m.d.comb += [
-                accumulator.step.eq(self.step),
-                accumulator.end_of_line.eq(self.end_of_line),
-                accumulator.end_of_frame.eq(self.end_of_frame),
-                out.eq(accumulator.value >> (form.fraction_bits - self._parameters.fraction_bits)),
-            ]
+        p = self._parameters
+        for name, form, out in (("u", p.u_form, self.u), ("v", p.v_form, self.v)):
+            value = connect_accumulator(m, self, name, self._accumulator(form))
+            m.d.comb += out.eq(value >> (form.fraction_bits - p.fraction_bits))
         return m
