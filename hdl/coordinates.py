@@ -125,7 +125,7 @@ class Coordinates:
 
         Returns the plan's ``error`` entry, lengths in px.
         """
-        inside = (u >= 0) & (u <= self.width - 1) & (v >= 0) & (v <= self.height - 1)
+        inside = inside_image(u, v, self.width, self.height)
         pixels = int(np.count_nonzero(inside))
         if not pixels:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
@@ -138,6 +138,11 @@ class Coordinates:
             result[name] = _statistics(np.abs(difference))
             rounded[name] = _statistics(np.abs(np.floor(used + 0.5) - np.floor(exact + 0.5)))
         return {**result, "euclidean_max": float(np.sqrt(squared.max())), "pixels": pixels, "rounded": rounded}
+
+
+def inside_image(u, v, width, height):
+    """Which positions (u, v), px, arrays of one shape, lie inside an image of ``width`` x ``height`` px: bool."""
+    return (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
 
 
 def _statistics(magnitude):

@@ -8,6 +8,7 @@ import numpy as np
 
 from hdl.calibration.checks import half_rotation
 from hdl.calibration.rig import SIDES, Rig
+from hdl.coordinates import inside_image
 from hdl.errors import InputError
 from hdl.row_minimisation import minimise_rows
 from hdl.view import View
@@ -252,7 +253,7 @@ def _border_inside(view):
     with np.errstate(all="ignore"):
         u, v = view.project(xr, yr)
     front = view.ray[2] @ [xr, yr, np.ones_like(xr)] > 0
-    return front & (u >= 0) & (u <= view.width - 1) & (v >= 0) & (v <= view.height - 1)
+    return front & inside_image(u, v, view.width, view.height)
 
 
 def _source_focal_length(rig):

@@ -12,7 +12,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from hdl.calibration.rig import SIDES, Camera
-from hdl.coordinates import Border, Coordinates, Window
+from hdl.coordinates import Border, Coordinates, Window, inside_image
 from hdl.errors import InputError
 from hdl.lens import distort
 
@@ -115,7 +115,7 @@ class View:
             with np.errstate(all="ignore"):  # what overflows is refused below
                 part_u, part_v = self.project(xr, yr)
             u[rows], v[rows] = part_u, part_v
-            inside = (part_u >= 0) & (part_u <= self.width - 1) & (part_v >= 0) & (part_v <= self.height - 1)
+            inside = inside_image(part_u, part_v, self.width, self.height)
             return inside.any(), max(np.abs(part_u, out=part_u).max(), np.abs(part_v, out=part_v).max())
 
         with ThreadPoolExecutor() as pool:
@@ -165,8 +165,7 @@ class View:
         inside = self.inside[:-1, :-1]
         return float((along_u * down_v <= down_u * along_v)[inside].mean()) if inside.any() else 0.0
 
-    @property
+    @cached_property
     def inside(self) -> np.ndarray:
         """(height, width) bool: which rectified pixels come from inside the source image."""
-        u, v = self.map()
-        return (u >= 0) & (u <= self.width - 1) & (v >= 0) & (v <= self.height - 1)
+        return inside_image(*self.map(), self.width, self.height)

@@ -135,7 +135,7 @@ class LensFit:
         """Whether every pixel whose source is inside is within the budget, and nothing overflows at any pixel."""
         width, height = self.size
         x, parts = np.arange(width), max(1, width * height // CHUNK)
-        inside = self._inside
+        inside = self.view.inside
         # Parts that are spread over the frame: the first one finds most of what there is to find.
         for rows in (slice(part, None, parts) for part in range(parts)):
             values = candidate.values(x, np.arange(height)[rows, None])
@@ -146,10 +146,6 @@ class LensFit:
                 if np.abs(used - exact[rows])[inside[rows]].max(initial=0) > self.budget:
                     return False
         return True
-
-    @cached_property
-    def _inside(self):
-        return self.view.inside
 
 
 class _Candidate:

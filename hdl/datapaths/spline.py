@@ -282,7 +282,7 @@ class _Search:
     def __init__(self, view, fraction_bits, budget):
         self.view, self.fraction_bits, self.budget = view, fraction_bits, budget
         u, v = view.map()
-        self.inside = (u >= 0) & (u <= view.width - 1) & (v >= 0) & (v <= view.height - 1)
+        self.inside = view.inside
         self.targets = u, v - np.arange(view.height)[:, None]
         self.reached = np.inf
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdl.coordinates import inside_image
 from hdl.cost import Cost
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import InputError
@@ -51,7 +52,7 @@ def coordinate_errors(core):
     source is outside the image, as in `hdl.coordinates.Coordinates.error`."""
     coordinates = core.parameters.datapath.coordinates
     u, v = core.exact
-    inside = (u >= 0) & (u <= coordinates.width - 1) & (v >= 0) & (v <= coordinates.height - 1)
+    inside = inside_image(u, v, coordinates.width, coordinates.height)
     scale = 2.0**-coordinates.fraction_bits
     pairs = {"u": (coordinates.u, u), "v": (coordinates.v, v)}
     return {axis: np.where(inside, used * scale - exact, np.nan) for axis, (used, exact) in pairs.items()}
