@@ -18,6 +18,8 @@ from hdl.row_minimisation import loss
 from hdl.selection import choose, fit
 
 AUTO = "auto"
+# What the first line of a core's Verilog says, after its name.
+MARK = ": streaming stereo rectifier,"
 
 
 @dataclass(frozen=True)
@@ -212,7 +214,7 @@ def _dropped(view):
 def _header(top, view, datapath, options):
     pixel = f"{options.channels}x{options.pixel_bits}" if options.channels > 1 else options.pixel_bits
     return (
-        f"{top}: streaming stereo rectifier, {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
+        f"{top}{MARK} {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
         f"1 px/clock.\nDatapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
         f"AXI4-Stream video in (s_axis) and out (m_axis), tuser: start of frame, tlast: end of line; aresetn is\n"
         f"synchronous. Accuracy, memory and latency: {top}.json."

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from hdl.calibration import checks
 from hdl.calibration.rig import SIDES, Camera, Rig
 from hdl.cli import GREATEST_SIZE, LEAST_SIZE
 from hdl.coordinates import Border
-from hdl.core import Options, build
+from hdl.core import MARK, Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import InputError
@@ -20,8 +21,6 @@ from hdl.plan import PLAN_VERSION, Plan
 from hdl.verilog_keywords import is_identifier
 from hdl.view import View
 
-# What the first line of a core's Verilog says, after its name.
-_MARK = ": streaming stereo rectifier,"
 _MODELS = ("radtan", "rational", "thin_prism", "tilted", "equidistant")
 # Plans written on another machine may have sums in another order.
 _SAME = 1e-9
@@ -194,7 +193,8 @@ def _check(file, plan):
         raise InputError(file, "top", plan.top, "is no Verilog identifier")
     if plan.camera.model not in _MODELS:
         raise InputError(file, "camera.model", plan.camera.model, f"is none of {', '.join(_MODELS)}")
-    if len(plan.camera.D) not in ((4,) if plan.camera.model == "equidistant" else (0, 4, 5, 8, 12, 14)):
+    equidistant = plan.camera.model == "equidistant"
+    if len(plan.camera.D) not in (checks.EQUIDISTANT_COUNTS if equidistant else checks.POLYNOMIAL_COUNTS):
         raise InputError(file, "camera.D", plan.camera.D, f"{plan.camera.model} has no such coefficients")
     if plan.datapath not in DATAPATHS:
         raise InputError(file, "datapath", plan.datapath, f"is none of {', '.join(DATAPATHS)}")
@@ -222,7 +222,7 @@ def _belongs(path):
         return False
     if path.suffix == ".v":
         with path.open(encoding="utf-8", errors="replace") as text:
-            return _MARK in text.readline(200) or path.with_suffix(".json").exists()
+            return MARK in text.readline(200) or path.with_suffix(".json").exists()
     if path.suffix != ".json":
         return False
     if path.with_suffix(".v").exists():
