@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from hdl.calibration import load
@@ -65,3 +67,13 @@ def refusal(*paths, **options):
     message = str(caught.value)
     assert "\n" not in message
     return message
+
+
+def turn(*vector):
+    """The rotation, (3, 3), by a vector."""
+    return cv2.Rodrigues(np.array(vector, dtype=float))[0]
+
+
+def transform(R, T):
+    """[R T; 0 0 0 1]."""
+    return np.vstack([np.column_stack([R, T]), [0, 0, 0, 1]])

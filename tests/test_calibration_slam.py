@@ -1,9 +1,8 @@
 """What the files of ROS, Kalibr, EuRoC, KITTI and ORB-SLAM mean: directions, units, choices, and what is refused."""
 
-import cv2
 import numpy as np
 import pytest
-from calibration_files import refusal, write
+from calibration_files import refusal, transform, turn, write
 from format_files import RIGS, TUM_VI_C1_C2, euroc, kalibr, kitti, orbslam, orbslam3, ros
 from rig_numbers import ASL, KITTI, ORBSLAM, ROS, TUM_VI
 
@@ -16,14 +15,6 @@ EYE = np.eye(4).tolist()
 @pytest.fixture(autouse=True)
 def folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def turn(*vector):
-    return cv2.Rodrigues(np.array(vector, dtype=float))[0]
-
-
-def transform(R, T):
-    return np.vstack([np.column_stack([R, T]), [0, 0, 0, 1]])
 
 
 def ros_pair(left=None, right=None, **options):

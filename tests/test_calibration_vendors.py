@@ -3,10 +3,9 @@
 import copy
 import json
 
-import cv2
 import numpy as np
 import pytest
-from calibration_files import refusal, write
+from calibration_files import refusal, transform, turn, write
 from format_files import depthai, mynt, zed
 from rig_numbers import MYNT, OAKD, ZED
 
@@ -16,14 +15,6 @@ from hdl.calibration import load
 @pytest.fixture(autouse=True)
 def folder_of_its_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def turn(*vector):
-    return cv2.Rodrigues(np.array(vector, dtype=float))[0]
-
-
-def transform(R, T):
-    return np.vstack([np.column_stack([R, T]), [0, 0, 0, 1]])
 
 
 class TestDepthai:
