@@ -9,16 +9,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from hdl import calibration, files
+from hdl.arithmetic.cost import GOALS
 from hdl.calibration.rig import SIDES
-from hdl.cli import BorderType, FolderType, SizeType, camera_table, note, rectification_options, run, steps
-from hdl.core import AUTO, Options, build
-from hdl.cost import GOALS
+from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
+from hdl.core.build import AUTO, Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
-from hdl.rectification import RectificationOptions, rectify
-from hdl.rectification_notes import notes, warnings
-from hdl.verilog_keywords import is_identifier
+from hdl.geometry.notes import notes, warnings
+from hdl.geometry.options import BorderType, rectification_options
+from hdl.geometry.rectification import RectificationOptions, rectify
+from hdl.tools.verilog_keywords import is_identifier
 
 
 def core_options(command):

@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 
 from hdl.calibration import SIDES
-from hdl.core import Options, build
+from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
-from hdl.rectification import rectify
-from sim.engine import compile_core
+from hdl.geometry.rectification import rectify
+from sim.compiler import compile_core
 
 
 class Cores:

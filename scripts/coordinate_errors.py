@@ -6,13 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 
-from hdl.coordinates import Border
-from hdl.core import Options, build
+from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
-from hdl.rectification import rectify
+from hdl.geometry.coordinates import Border
+from hdl.geometry.rectification import rectify
 from sim.beats import to_beats, to_frames
-from sim.engine import compile_core
+from sim.compiler import compile_core
 
 FRACTION_BITS = Options.fraction_bits
 REFERENCE = "conventional"  # what the paper measures against
@@ -56,8 +56,8 @@ def turn(view):
 
 
 def ramp_core(view, name):
-    """The `hdl.core.Core` of ``view`` with the datapath ``name``, for pixels that hold a coordinate and borders that
-    continue a ramp's end. Raises InputError as `build`."""
+    """The `hdl.core.build.Core` of ``view`` with the datapath ``name``, for pixels that hold a coordinate and borders
+    that continue a ramp's end. Raises InputError as `build`."""
     return build(view, Options(name, pixel_bits=PIXEL_BITS, border=Border("replicate")), "ramps")
 
 

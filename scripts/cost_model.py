@@ -8,11 +8,11 @@ import rich_click as click
 
 from hdl import calibration
 from hdl.cli import run, steps
-from hdl.core import Options, build
+from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
-from hdl.rectification import rectify
-from hdl.synthesis import conditions, synthesise_block
+from hdl.geometry.rectification import rectify
+from hdl.tools.synthesis import conditions, synthesise_block
 from scripts import reference_rigs
 from scripts.tables import cache_option, json_option, show, write_json
 

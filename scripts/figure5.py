@@ -18,7 +18,7 @@ from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
-from hdl.rectification import rectify
+from hdl.geometry.rectification import rectify
 from scripts import reference_rigs
 from scripts.compiled_cores import Cores
 from scripts.coordinate_errors import in_px

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from hdl import calibration
 from hdl.cli import run, steps
-from hdl.core import Options, build
+from hdl.core.build import Options, build
 from hdl.datapaths.table import Table
-from hdl.rectification import rectify
-from hdl.synthesis import conditions, synthesise
+from hdl.geometry.rectification import rectify
+from hdl.tools.synthesis import conditions, synthesise
 from scripts.tables import cache_option, json_option, show, write_json
 
 SIZES = ((320, 240), (640, 480), (1280, 960), (1920, 1440), (3840, 2160))

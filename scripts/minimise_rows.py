@@ -7,9 +7,9 @@ import rich_click as click
 
 from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
-from hdl.rectification import RectificationOptions, rectify
-from hdl.rectification_notes import row_disagreement
-from hdl.row_minimisation import loss
+from hdl.geometry.notes import row_disagreement
+from hdl.geometry.rectification import RectificationOptions, rectify
+from hdl.geometry.row_minimisation import loss
 from scripts import reference_rigs
 from scripts.tables import json_option, show, write_json
 

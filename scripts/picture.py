@@ -8,9 +8,9 @@ import rich_click as click
 
 from hdl import calibration
 from hdl.cli import run, steps
-from hdl.core import Options, build
-from hdl.rectification import rectify
-from sim.engine import compile_core
+from hdl.core.build import Options, build
+from hdl.geometry.rectification import rectify
+from sim.compiler import compile_core
 from sim.overlay import epipolar_overlay
 from sim.run import frame_through
 from sim.scene import render

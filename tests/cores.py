@@ -10,10 +10,10 @@ from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 
-from hdl.coordinates import Coordinates
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import Datapath
-from hdl.rectifier import Rectifier, RectifierParameters
+from hdl.geometry.coordinates import Coordinates
+from hdl.stream.rectifier import Rectifier, RectifierParameters
 from sim.beats import BEAT, to_beats, to_frames
 from sim.drivers import CORE_DOMAIN, axis, bench, receive, send, simulate
 from sim.remap import remap

@@ -5,11 +5,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 from calibration_files import as_yaml
 from rig_numbers import ASL, BOUGUET, KITTI, MRPT, MYNT, OAKD, ORBSLAM, ROS, TUM_VI, UNLOOK_1280, UNLOOK_1456, ZED
 from scipy.io import savemat
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+needs_shared_data = pytest.mark.skipif(not SHARED.is_dir(), reason="the reference data, ../shared/data, is not here")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from math import comb
 
 import numpy as np
 
-from hdl.datapaths.differences import jump_name, value_name
+from hdl.arithmetic.differences import jump_name, value_name
 
 
 def along(position, k, cell):

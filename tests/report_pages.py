@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 from hdl import calibration
-from hdl.core import Options, build
+from hdl.core.build import Options, build
+from hdl.core.plan_file import load_folder
 from hdl.generate import write
-from hdl.plan_file import load_folder
-from hdl.rectification import RectificationOptions, rectify
+from hdl.geometry.rectification import RectificationOptions, rectify
 from hdl.report.measure import measure
 
 SIDES = ("left", "right")

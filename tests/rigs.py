@@ -7,7 +7,7 @@ import numpy as np
 
 from hdl import calibration
 from hdl.calibration import Camera, Rig
-from hdl.rectification import RectificationOptions, rectify
+from hdl.geometry.rectification import RectificationOptions, rectify
 
 # Turn of the left camera (roll about the optical axis, pitch, yaw; degrees; the right one's is the opposite), focal
 # length in widths, zoom of the rectified image, and how far it looks down, in heights.

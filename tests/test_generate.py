@@ -14,9 +14,9 @@ import rich_click as click
 
 from hdl.calibration import convert, embedded
 from hdl.cli import run
+from hdl.core.plan import Plan
 from hdl.generate import generate
-from hdl.plan import Plan
-from hdl.synthesis import synthesise
+from hdl.tools.synthesis import synthesise
 from sim.run import simulate
 from sim.scene import render
 

@@ -15,12 +15,12 @@ from rich.table import Table
 
 from hdl import calibration
 from hdl.calibration import SIDES, Camera, Rig, convert
-from hdl.cli import SizeType, camera_table, rectification_options, run
+from hdl.cli import SizeType, camera_table, run
 from hdl.errors import InputError
-from hdl.rectification import RectificationOptions, View, rectify
-from hdl.rectification_notes import notes, row_disagreement, warnings
-
-COEFFICIENTS = "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split()
+from hdl.geometry.notes import notes, row_disagreement, warnings
+from hdl.geometry.options import rectification_options
+from hdl.geometry.rectification import RectificationOptions, View, rectify
+from hdl.lens import LENS_MODELS
 
 
 @click.command()
@@ -167,7 +167,7 @@ class Description:
 
 def coefficients(camera: Camera) -> str:
     """One ``name value`` a line, without the zeros at the end."""
-    names = ("k1", "k2", "k3", "k4") if camera.model == "equidistant" else COEFFICIENTS
+    names = LENS_MODELS[camera.model].coefficients
     used = int(np.max(np.flatnonzero(camera.D), initial=-1)) + 1
     return "\n".join(f"{name} {value: .6g}" for name, value in zip(names, camera.D[:used])) or "none"
 

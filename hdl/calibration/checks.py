@@ -7,13 +7,12 @@ import numpy as np
 
 from hdl.calibration.rig import SIDES, Rig
 from hdl.errors import InputError
+from hdl.lens import LENS_MODELS
 
 SIZE_RANGE = (16, 16384)  # px
 LONGEST = 1e9  # of a baseline, in whatever unit
 ROTATION_EXACT = 1e-14  # what float64 leaves of R^T R - I
 ROTATION_TOLERANCE = 1e-3  # of R^T R from I: files round to as little as four digits
-POLYNOMIAL_COUNTS = (0, 4, 5, 8, 12, 14)
-EQUIDISTANT_COUNTS = (4,)
 # Beyond this, a rectification is that of another rig. A smaller contradiction is settled in suspicions.
 CONTRADICTION = 0.1  # rad
 
@@ -117,7 +116,7 @@ def _check_matrix(rig, role, K, principal_point_inside):
 
 def _check_lens(rig, role, camera):
     _check_finite(rig, role, camera.D)
-    counts = EQUIDISTANT_COUNTS if camera.model == "equidistant" else POLYNOMIAL_COUNTS
+    counts = LENS_MODELS[camera.model].counts
     if camera.D.size not in counts:
         accepted = " or ".join(map(str, counts))
         raise rig.fault(role, f"{camera.D.size} coefficients", f"a lens of model {camera.model} has {accepted}")

@@ -16,6 +16,7 @@ from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig
 from hdl.calibration.selection import pair
 from hdl.errors import InputError
+from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "depthai"
 TITLE = "DepthAI calibration (JSON)"
@@ -93,7 +94,7 @@ def _camera(fields):
         raise fields.fault("cameraType", kind, f"{_UNSUPPORTED[kind]} images are not supported")
     if not checks.is_number(kind) or kind not in _MODELS:
         raise fields.fault("cameraType", kind, "0 (perspective) or 1 (fisheye) is needed")
-    D = fields.vector("distortionCoeff", checks.POLYNOMIAL_COUNTS)
+    D = fields.vector("distortionCoeff", POLYNOMIAL_COUNTS)
     if _MODELS[kind] == "equidistant":
         if D[4:].any():
             raise fields.fault("distortionCoeff", D.tolist(), "a fisheye lens has four coefficients that are not zero")

@@ -12,6 +12,7 @@ from hdl.calibration import checks, lenses
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import Camera, Rig, polynomial_model
 from hdl.errors import InputError
+from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "opencv"
 TITLE = "OpenCV FileStorage (YAML, XML, JSON)"
@@ -61,7 +62,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     if found := storage.find("xi"):
         lenses.refuse_omnidirectional(found[0], found[1], "omnidir")
     K1, K2 = (storage.matrix(role, 3, 3) for role in ("K1", "K2"))
-    D1, D2 = (storage.vector(role, checks.POLYNOMIAL_COUNTS) for role in ("D1", "D2"))
+    D1, D2 = (storage.vector(role, POLYNOMIAL_COUNTS) for role in ("D1", "D2"))
     R, T = storage.matrix("R", 3, 3), storage.vector("T", (3,))
     rectification = None
     if any(storage.find(role) for role in ("R1", "R2", "P1", "P2")):

@@ -10,6 +10,7 @@ from hdl.calibration import checks, motion
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig, polynomial_model
+from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "orbslam"
 TITLE = "ORB-SLAM settings (YAML)"
@@ -54,5 +55,5 @@ def _size(fields, side):
 
 
 def _camera(fields, side):
-    D = fields.vector(f"{side}.D", checks.POLYNOMIAL_COUNTS)
+    D = fields.vector(f"{side}.D", POLYNOMIAL_COUNTS)
     return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D)

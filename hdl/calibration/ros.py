@@ -13,6 +13,7 @@ from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig
 from hdl.errors import InputError
+from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "ros"
 TITLE = "ROS camera_info (YAML pair)"
@@ -78,7 +79,7 @@ class _Info:
         self.fields = fields = Fields(document.name, document.yaml)
         width, height = (checks.whole(self.where, name, fields.get(name)) for name in ("image_width", "image_height"))
         self.size = checks.image_size(self.where, self.size_field, width, height)
-        D = fields.vector("distortion_coefficients", checks.POLYNOMIAL_COUNTS)
+        D = fields.vector("distortion_coefficients", POLYNOMIAL_COUNTS)
         model = lenses.model(self.where, "distortion_model", fields.get("distortion_model"), D)
         self.camera = Camera(model, fields.matrix("camera_matrix", 3, 3), D)
         self.R = checks.rotation(self.where, "rectification_matrix", fields.matrix("rectification_matrix", 3, 3))

@@ -3,8 +3,8 @@
 from amaranth import Module
 from amaranth.lib import wiring
 
-from hdl.cost import Cost
-from hdl.datapaths.linear import Accumulator, connect_accumulator
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.linear import Accumulator, connect_accumulator
 from hdl.datapaths.projective import Projective, connect_divider
 
 

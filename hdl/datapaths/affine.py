@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdl.arithmetic.linear import LinearForm
+from hdl.arithmetic.minimax import minimax, outside_by
 from hdl.datapaths.base import ARITHMETIC_ERROR
-from hdl.datapaths.linear import LinearForm
-from hdl.datapaths.minimax import minimax, outside_by
 from hdl.datapaths.proposed import Proposed
 from hdl.errors import BudgetError
 

@@ -9,8 +9,8 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
+from hdl.arithmetic.fixedpoint import Q
 from hdl.errors import InputError
-from hdl.fixedpoint import Q
 
 # Error allowed on top of the rounding to fraction_bits where no budget is given, px.
 ARITHMETIC_ERROR = 0.002
@@ -94,7 +94,7 @@ class Datapath(ABC):
     @classmethod
     @abstractmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        """Choose the parameters for ``view`` (`hdl.rectification.View`): the cheapest that meet ``max_error`` (px,
+        """Choose the parameters for ``view`` (`hdl.geometry.view.View`): the cheapest that meet ``max_error`` (px,
         rounding included) at every pixel whose source is inside the image, or, without a budget, that compute what the
         datapath names within `default_budget`, or follow the map within `fitted_budget`. Raises InputError where no
         word lengths do; a datapath whose error the rig decides and not its word lengths may ignore the budget, which

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from amaranth import Module, Signal
 from amaranth.lib import wiring
 
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.fixedpoint import Q
+from hdl.arithmetic.pipeline import scaled
 from hdl.datapaths.conventional_lens import ConventionalLens
-from hdl.datapaths.pipeline import scaled
 from hdl.datapaths.projective import Projective, connect_divider
-from hdl.fixedpoint import Q
 
 PRODUCT_STAGES = 2
 

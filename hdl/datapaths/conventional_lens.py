@@ -7,14 +7,14 @@ import numpy as np
 from amaranth import Module
 from amaranth.lib import wiring
 
-from hdl.coordinates import Coordinates
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.fixedpoint import Q
+from hdl.arithmetic.pipeline import Pipeline
+from hdl.arithmetic.steps import delays, evaluate, step_cost, waits
 from hdl.datapaths.base import Datapath
 from hdl.datapaths.conventional_lens_fit import CHUNK, LensFit, ideal
-from hdl.datapaths.pipeline import Pipeline
 from hdl.datapaths.projective import Projective
-from hdl.datapaths.steps import delays, evaluate, step_cost, waits
-from hdl.fixedpoint import Q
+from hdl.geometry.coordinates import Coordinates
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ConventionalLens(Datapath):
     pinhole : Projective
         The datapath for X and Y, to more fraction bits; it has ``dsp`` too.
     steps : tuple
-        Of `hdl.datapaths.steps`, from ``x`` and ``y`` to ``u`` and ``v``.
+        Of `hdl.arithmetic.steps`, from ``x`` and ``y`` to ``u`` and ``v``.
     dsp : bool
         Whether products are left to the synthesis tool, which has DSP blocks for them; else they are rows of adders.
 

@@ -6,10 +6,10 @@ from math import ceil, log2
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
+from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum, evaluate, in_range, step_cost
 from hdl.calibration.rig import SIDES
 from hdl.datapaths.base import check_budget, default_budget
 from hdl.datapaths.projective import quantised
-from hdl.datapaths.steps import Product, Quotient, Scaled, Sum, evaluate, in_range, step_cost
 from hdl.datapaths.word_lengths import shortest
 from hdl.errors import BudgetError
 
@@ -36,7 +36,7 @@ class LensFit:
     Parameters
     ----------
     pinhole : subclass of Projective
-    view : hdl.rectification.View
+    view : hdl.geometry.rectification.View
     fraction_bits : int
     max_error : float or None
 

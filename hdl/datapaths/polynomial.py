@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from hdl.coordinates import Coordinates
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.differences import DifferenceAccumulator, DifferenceForm, functions_along
+from hdl.arithmetic.minimax import minimax, outside_by
 from hdl.datapaths.base import Datapath, check_budget, fitted_budget
-from hdl.datapaths.differences import DifferenceAccumulator, DifferenceForm, functions_along
-from hdl.datapaths.minimax import minimax, outside_by
 from hdl.datapaths.proposed import AccumulatedCoordinates
 from hdl.errors import BudgetError
+from hdl.geometry.coordinates import Coordinates
 
 DEGREES = range(1, 7)
 CELLS = (64, 32, 16, 8, 4, 2, 1)

@@ -6,12 +6,12 @@ from math import ceil
 
 import numpy as np
 
-from hdl.coordinates import Coordinates
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.divider import Divider
+from hdl.arithmetic.linear import LinearForm
 from hdl.datapaths.base import Datapath, check_budget, default_budget
-from hdl.datapaths.divider import Divider
-from hdl.datapaths.linear import LinearForm
 from hdl.errors import InputError
+from hdl.geometry.coordinates import Coordinates
 
 # No calibration within the checked ranges needs as many; beyond them int64 would not hold the model's dividends.
 MOST_FRACTION_BITS = 34

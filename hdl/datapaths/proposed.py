@@ -7,10 +7,10 @@ import numpy as np
 from amaranth import Module
 from amaranth.lib import wiring
 
-from hdl.coordinates import Coordinates
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.linear import Accumulator, LinearForm, connect_accumulator
 from hdl.datapaths.base import ARITHMETIC_ERROR, Datapath, default_budget
-from hdl.datapaths.linear import Accumulator, LinearForm, connect_accumulator
+from hdl.geometry.coordinates import Coordinates
 
 MOST_FRACTION_BITS = 48
 

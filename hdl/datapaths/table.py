@@ -9,11 +9,11 @@ from amaranth.lib import data, wiring
 from amaranth.lib.memory import Memory
 from amaranth.utils import ceil_log2
 
-from hdl.coordinates import Coordinates
-from hdl.cost import Cost, block_rams
+from hdl.arithmetic.cost import Cost, block_rams
+from hdl.arithmetic.fixedpoint import Q
 from hdl.datapaths.base import Datapath, check_budget
 from hdl.errors import InputError
-from hdl.fixedpoint import Q
+from hdl.geometry.coordinates import Coordinates
 
 # Entries of the largest table that is built: Yosys reads so many words of Verilog in a minute or so, and the time grows
 # in proportion.

@@ -7,8 +7,8 @@ import rich_click as click
 
 from hdl import files
 from hdl.cli import run, steps
+from hdl.core.plan_file import load_folder
 from hdl.errors import InputError
-from hdl.plan_file import load_folder
 from hdl.report.measure import measure
 from hdl.report.page import page
 

@@ -151,7 +151,7 @@ def row_needs(name, title, low, high, window, side):
     ----------
     low, high : (height,)
         From `hdl.report.figures.row_needs`.
-    window : `hdl.coordinates.Window`
+    window : `hdl.geometry.coordinates.Window`
     side : str
     """
     rows = np.arange(len(low))

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hdl.coordinates import inside_image
-from hdl.cost import Cost
+from hdl.arithmetic.cost import Cost
 from hdl.datapaths.base import fitted_budget
+from hdl.datapaths.selection import Considered, choose
 from hdl.errors import InputError
-from hdl.selection import Considered, choose
+from hdl.geometry.coordinates import inside_image
 
 _NOTED = 0.01  # share of the image without a source from which on it is worth a warning
 # Tools that decide the Verilog, the pixels or the resource figures.
@@ -49,7 +49,7 @@ class Ladder:
 
 def coordinate_errors(core):
     """{"u", "v"}: the hardware's coordinate less the exact one, px, (height, width) float64; NaN where the exact
-    source is outside the image, as in `hdl.coordinates.Coordinates.error`."""
+    source is outside the image, as in `hdl.geometry.coordinates.Coordinates.error`."""
     coordinates = core.parameters.datapath.coordinates
     u, v = core.exact
     inside = inside_image(u, v, coordinates.width, coordinates.height)
@@ -69,7 +69,7 @@ def row_needs(coordinates, border):
     """Least and greatest (source row - output row) of the taps of each output row, two (height,) float64 arrays.
 
     NaN where an output row reads no tap inside the source. Over all rows they are D_lo and D_hi of
-    `hdl.coordinates.Coordinates.window`.
+    `hdl.geometry.coordinates.Coordinates.window`.
     """
     height, width = coordinates.height, coordinates.width
     column, top = coordinates.u >> coordinates.fraction_bits, coordinates.v >> coordinates.fraction_bits
@@ -89,7 +89,7 @@ def row_needs(coordinates, border):
 
 def ladder(planned, core, progress=lambda step: None):
     """The `Ladder` of a `PlannedCore`: what its plan considered or, where its datapath was chosen by name, what
-    `hdl.selection.choose` says of the others."""
+    `hdl.datapaths.selection.choose` says of the others."""
     plan = planned.plan
     budget = plan.max_error_requested or fitted_budget(plan.fraction_bits)
     if plan.considered:

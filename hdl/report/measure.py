@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 
 from hdl.calibration.rig import SIDES
-from hdl.core import Core
+from hdl.core.build import Core
+from hdl.core.plan_file import PlannedCore, stereo_rig
 from hdl.errors import InputError
-from hdl.plan_file import PlannedCore, stereo_rig
 from hdl.report import figures, stereo
-from hdl.synthesis import Resources, synthesise
-from sim.engine import compile_core
+from hdl.tools.synthesis import Resources, synthesise
+from sim.compiler import compile_core
 from sim.run import Result, frame_through, known_rows, matched_rows, read_image
 from sim.scene import render
 

@@ -7,7 +7,7 @@ from hdl.datapaths import DATAPATHS
 from hdl.report import charts, figures, wiring
 from hdl.report.diagram import diagrams
 from hdl.report.measure import Report, jpeg
-from hdl.synthesis import conditions
+from hdl.tools.synthesis import conditions
 
 LINES = 16  # across the pair of pictures
 MATCHING = 0.25  # px of a matcher's own error, for comparison

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdl.core.plan_file import baseline_of
 from hdl.errors import InputError
-from hdl.plan_file import baseline_of
 
 # Disparities between which the default distances lie: a share of the width, and px.
 _NEAREST, _FARTHEST = 0.25, 2.0

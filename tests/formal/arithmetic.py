@@ -5,10 +5,10 @@ from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Assume, Cover, Elaboratable
 from polynomials import differences
 
-from hdl.bilinear import Bilinear
-from hdl.datapaths.differences import DifferenceAccumulator
-from hdl.datapaths.divider import Divider
-from hdl.datapaths.linear import Accumulator
+from hdl.arithmetic.differences import DifferenceAccumulator
+from hdl.arithmetic.divider import Divider
+from hdl.arithmetic.linear import Accumulator
+from hdl.stream.bilinear import Bilinear
 
 from .opened import Opened
 

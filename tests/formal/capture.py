@@ -4,7 +4,7 @@ from amaranth import Module, Mux, Signal
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Cover, Elaboratable
 
-from hdl.capture import Capture
+from hdl.stream.capture import Capture
 
 from .opened import Opened
 

@@ -8,9 +8,9 @@ from amaranth.asserts import AnySeq
 from amaranth.hdl import Assume
 from amaranth.lib import wiring
 
-from hdl.coordinates import Border, Window
 from hdl.datapaths.base import Datapath
-from hdl.rectifier import Rectifier, RectifierParameters
+from hdl.geometry.coordinates import Border, Window
+from hdl.stream.rectifier import Rectifier, RectifierParameters
 
 from .axi import Stream, VideoFormat
 from .opened import Opened

@@ -68,7 +68,7 @@ class WindowProof(Elaboratable):
         buffer = parameters.line_buffer
         self.width, self.height, self.window = buffer.width, buffer.height, buffer.window
         self.replicated = parameters.border.mode == "replicate"
-        with mock.patch("hdl.linebuffer.Memory", WatchedMemory) if lemmas else nullcontext():
+        with mock.patch("hdl.stream.linebuffer.Memory", WatchedMemory) if lemmas else nullcontext():
             self.core = FreeCore(parameters)
         self.capture, self.datapath, self.bilinear = (
             self.core.parts[name] for name in ("capture", "datapath", "bilinear")

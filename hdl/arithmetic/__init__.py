@@ -1,0 +1,1 @@
+"""Numbers and the hardware that computes with them: formats, costs, products, quotients, accumulations."""

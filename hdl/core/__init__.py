@@ -1,0 +1,1 @@
+"""A finished core: its Verilog and its plan."""

@@ -1,0 +1,221 @@
+"""From a camera's view and the user's choices to a core: its Verilog and its plan."""
+
+import dataclasses
+import hashlib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdl.arithmetic.cost import GOALS
+from hdl.core.plan import PLAN_VERSION, Plan
+from hdl.datapaths import DATAPATHS
+from hdl.datapaths.selection import choose, fit
+from hdl.errors import BudgetError, InputError
+from hdl.geometry.coordinates import Border
+from hdl.geometry.row_minimisation import loss
+from hdl.stream.rectifier import PIXEL_FORMATS, Rectifier, RectifierParameters
+from hdl.tools import verilog
+
+AUTO = "auto"
+# What the first line of a core's Verilog says, after its name.
+MARK = ": streaming stereo rectifier,"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user chooses, besides the calibration; each by its command-line name.
+
+    Parameters
+    ----------
+    datapath : str
+        A key of `DATAPATHS`, or `AUTO`: the cheapest that meets the budget.
+    optimise : str
+        What `AUTO` saves; a key of `hdl.arithmetic.cost.GOALS`.
+    max_error : float or None
+        Largest allowed coordinate error per axis, px.
+    pixel_bits, channels, fraction_bits : int
+    border : Border
+    max_line_buffer_kib : int
+        Largest allowed line memory, KiB.
+    dsp : bool
+        Whether multiplications are left to the synthesis tool, which puts them into DSP blocks; else adders make them.
+
+    Raises
+    ------
+    InputError
+        For a value that an option does not take, under the option's name.
+    """
+
+    datapath: str = AUTO
+    max_error: float | None = None
+    pixel_bits: int = 8
+    channels: int = 1
+    fraction_bits: int = 5
+    border: Border = Border()
+    max_line_buffer_kib: int = 4096
+    optimise: str = "balanced"
+    dsp: bool = True
+
+    def __post_init__(self):
+        names = (AUTO, *DATAPATHS)
+        for option, value, fits, needed in (
+            ("--datapath", self.datapath, self.datapath in names, f"one of {', '.join(names)}"),
+            ("--optimise", self.optimise, self.optimise in GOALS, f"one of {', '.join(GOALS)}"),
+            (
+                "--max-error",
+                self.max_error,
+                self.max_error is None or 0 < self.max_error < math.inf,
+                "a positive number of pixels",
+            ),
+            ("--fraction-bits", self.fraction_bits, 3 <= self.fraction_bits <= 8, "3 to 8"),
+            ("--max-line-buffer-kib", self.max_line_buffer_kib, self.max_line_buffer_kib >= 1, "1 or more"),
+        ):
+            if not fits:
+                raise InputError(option, None, value, f"must be {needed}")
+        if (self.pixel_bits, self.channels) not in PIXEL_FORMATS:
+            problem = "1 channel has 8, 10, 12 or 16 bits, 3 channels have 8 each"
+            raise InputError("--pixel-bits", None, f"{self.pixel_bits} for --channels {self.channels}", problem)
+        if not 0 <= self.border.value < 2**self.pixel_bits:
+            problem = f"does not fit into {self.pixel_bits} bits"
+            raise InputError("--border", None, f"constant:{self.border.value}", problem)
+
+
+@dataclass(frozen=True)
+class Core:
+    """A finished core.
+
+    Members
+    -------
+    parameters : RectifierParameters
+    exact : (u, v)
+        The float64 map that it was built for, px, each (height, width).
+    verilog : str
+    plan : Plan
+    """
+
+    parameters: RectifierParameters
+    exact: tuple
+    verilog: str
+    plan: Plan
+
+
+def build(view, options, top, progress=lambda step: None):
+    """Build one core.
+
+    Parameters
+    ----------
+    view : hdl.geometry.rectification.View
+    options : Options
+    top : str
+        Name of the top module.
+    progress : callable
+        Called with a line of text before each step that may take long.
+
+    Returns
+    -------
+    Core
+
+    Raises
+    ------
+    InputError
+        Where the budget, the line memory or the frame size cannot be met.
+    """
+    progress("exact map")
+    exact = view.map()
+    considered = ()
+    if options.datapath == AUTO:
+        considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress, options.dsp)
+        datapath = considered[0].datapath
+    else:
+        progress(f"word lengths of {options.datapath}")
+        datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
+    progress("error at every pixel")
+    error = datapath.coordinates.error(*exact)
+    worst = max(error["u"]["max"], error["v"]["max"])
+    if options.max_error is not None and worst > options.max_error:
+        raise BudgetError(options.max_error, worst, f"{datapath.name} for the {view.side} camera")
+    progress("line buffer")
+    try:
+        parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
+        line_buffer = parameters.line_buffer
+    except InputError:
+        raise
+    except ValueError as problem:  # the frame is too small
+        raise InputError("--size", None, f"{view.width}x{view.height}", str(problem)) from problem
+    kib = line_buffer.bits / 8 / 1024
+    if kib > options.max_line_buffer_kib:
+        raise InputError(
+            "--max-line-buffer-kib",
+            None,
+            options.max_line_buffer_kib,
+            f"the {view.side} camera's map bends rows so far that {line_buffer.rows} rows are needed, {kib:.0f} KiB",
+        )
+    progress("Verilog")
+    text = verilog.convert(Rectifier(parameters), top, header=_header(top, view, datapath, options))
+    plan = Plan.sealed(
+        plan_version=PLAN_VERSION,
+        top=top,
+        camera={
+            "side": view.side,
+            "model": view.camera.model,
+            "K": view.camera.K.tolist(),
+            "D": view.camera.D.tolist(),
+        },
+        rectification={
+            "R": view.R.tolist(),
+            "P": view.P.tolist(),
+            "unit": view.unit,
+            "origin": view.origin,
+            "minimised": view.before and _minimised(view),
+        },
+        width=view.width,
+        height=view.height,
+        lens=view.lens,
+        distortion_dropped=None if view.lens else _dropped(view),
+        datapath=datapath.name,
+        dsp=options.dsp,
+        fraction_bits=options.fraction_bits,
+        pixel_bits=options.pixel_bits,
+        channels=options.channels,
+        border={"mode": options.border.mode, "value": options.border.value},
+        line_buffer={"rows": line_buffer.rows, "d_lo": line_buffer.window.d_lo, "d_hi": line_buffer.window.d_hi},
+        latency_cycles=parameters.latency_cycles,
+        formats={name: str(q) for name, q in datapath.formats.items()},
+        cost=dataclasses.asdict(datapath.cost),
+        max_error_requested=options.max_error,
+        error=error,
+        considered=[
+            {
+                "datapath": entry.name,
+                "error": entry.error,
+                "verdict": entry.verdict,
+                "cost": entry.cost and dataclasses.asdict(entry.cost),
+            }
+            for entry in considered
+        ],
+        verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
+    )
+    return Core(parameters, exact, text, plan)
+
+
+def _minimised(view):
+    lost = loss({view.side: view.before}, {view.side: view})
+    return {"rows_before": view.before.window.rows, "rows_after": view.window.rows, "lost": lost}
+
+
+def _dropped(view):
+    if not view.camera.D.any():
+        return None
+    magnitudes = (np.abs(shift) for shift in view.distortion)
+    return {axis: {"mean": shift.mean(), "max": shift.max()} for axis, shift in zip("uv", magnitudes)}
+
+
+def _header(top, view, datapath, options):
+    pixel = f"{options.channels}x{options.pixel_bits}" if options.channels > 1 else options.pixel_bits
+    return (
+        f"{top}{MARK} {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
+        f"1 px/clock.\nDatapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
+        f"AXI4-Stream video in (s_axis) and out (m_axis), tuser: start of frame, tlast: end of line; aresetn is\n"
+        f"synchronous. Accuracy, memory and latency: {top}.json."
+    )

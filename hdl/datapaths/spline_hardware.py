@@ -1,0 +1,146 @@
+"""The hardware of the spline datapath."""
+
+from amaranth import Cat, Const, Module, Mux, Shape, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.memory import Memory
+from amaranth.utils import ceil_log2, exact_log2
+
+from hdl.datapaths.spline_fit import LEAST_CELL
+
+# Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
+DISTRIBUTED_BITS = 2048
+
+
+class SplineCoordinates(wiring.Component):
+    """The hardware of `Spline`. Members: `DatapathSignature`.
+
+    In the last steps of each cell the words of the next one are served, v's and then u's, each an increment and a start
+    value (which counts in a row's last cell only, where the next cell is the next row's first). Counted from the end of
+    the cell, six steps before it v's increment is addressed, and so on, a word a step:
+
+        step before the end    6        5        4        3        2        1
+        addressed              v incr.  v start  u incr.  u start
+        taken along, written                     v incr.  v start  u incr.  u start
+        loaded                                            v                 u
+
+    Two steps after its address a word is in its register: value and slope are taken one row along and written back, and
+    an increment gets the remainder of the cell before added and is cut to its length for the third step, in which it
+    is loaded, together with the start value in a row's last cell. v is thus two steps ahead of u and waits for it.
+
+    In a frame's first row words come from the half of the RAM that holds the initial ones and is never written, so a
+    frame starts from the same state always, and nothing but the RAM's contents need be there at the start: the steps of
+    the warm-up are those of a last cell.
+
+    Latency: none. Throughput: 1 px/clock.
+    """
+
+    def __init__(self, parameters):
+        self._parameters = parameters
+        super().__init__(parameters.signature)
+
+    def elaborate(self, platform):
+        m = Module()
+        p = self._parameters
+        v, u = p.surfaces
+        cells = u.cells
+
+        # Place: all that follows depends on the position alone.
+        column = Signal(ceil_log2(cells.columns * cells.cell_width) + (cells.offset < 0))
+        cell, step_in_cell = column >> u.along_bits, column[: u.along_bits]
+        # In the part by which the first cell is lengthened, where the column is negative, nothing is loaded.
+        in_cells = ~column[-1] if cells.offset < 0 else Const(1)
+        last_cell, next_cell = Signal(), Signal(range(cells.columns))
+        row = Signal(range(p.height))  # that the next cell belongs to
+        first_row = Signal()
+        m.d.comb += [
+            column.eq(self.x + cells.offset),
+            last_cell.eq(cell == cells.columns - 1),
+            next_cell.eq(Mux(last_cell, 0, cell + 1)),
+            row.eq(self.y + last_cell),
+            first_row.eq(self.y == 0),
+        ]
+        with m.If(last_cell):
+            m.d.comb += first_row.eq(self.y == p.height - 1)
+            with m.If(first_row):
+                m.d.comb += row.eq(0)
+        bend_rows = row[: exact_log2(cells.slope_rows)]
+        bends = bend_rows.all() if len(bend_rows) else Const(1)
+
+        slot = Signal(u.along_bits)
+        m.d.comb += slot.eq(step_in_cell + LEAST_CELL)
+        is_start = slot[0]
+        reads = (slot[2:] == 0) & in_cells
+        word_column = Mux(is_start, cells.columns, next_cell)[: p.column_bits]
+        served = ((slot[1:] == 1) | (slot[1:] == 2)) & in_cells
+        serves_u = ~slot[1]
+
+        # The words.
+        ram_shape = data.StructLayout({"value": p.value_format.shape, "slope": p.slope_format.shape})
+        m.submodules.ram = ram = _memory(ram_shape, p.ram_contents(), "ram_style")
+        m.submodules.rom = rom = _memory(p.bend_format.shape, p.rom_contents(), "rom_style")
+        ram_read, ram_write, rom_read = ram.read_port(), ram.write_port(), rom.read_port()
+        word = Signal(ram_shape, reset_less=True)
+        bend = Signal(p.bend_format.shape, reset_less=True)
+        m.d.comb += [
+            ram_read.en.eq(self.step & reads),
+            ram_read.addr.eq(Cat(slot[1], word_column, ~first_row)),
+            rom_read.en.eq(self.step & reads),
+            rom_read.addr.eq((row >> exact_log2(cells.cell_height)) * p.rom_pitch + Cat(slot[1], word_column)),
+            ram_write.en.eq(self.step & served & (~is_start | last_cell)),
+            ram_write.addr.eq(Cat(serves_u, word_column, Const(1))),
+            ram_write.data.value.eq(word.value + word.slope),
+            ram_write.data.slope.eq(word.slope + Mux(bends, bend, 0)),
+        ]
+        with m.If(self.step):
+            m.d.sync += [word.eq(ram_read.data), bend.eq(rom_read.data)]
+
+        # The increments, each with the remainder of the one before.
+        remainders = {
+            name: Signal(surface.carry_bits, name=f"{name}_remainder", reset_less=True)
+            for name, surface in (("v", v), ("u", u))
+        }
+        half = (1 << u.carry_bits) >> 1
+        total = Signal.like(word.value + half)
+        m.d.comb += total.eq(word.value + Mux(last_cell, half, Mux(serves_u, remainders["u"], remainders["v"])))
+        increment_shape = max(
+            (p.formats["u_increment"], p.formats["v_less_row_increment"]), key=lambda q: q.width
+        ).shape
+        cut = Signal(increment_shape, reset_less=True)
+        with m.If(self.step & served & ~is_start):
+            m.d.sync += cut.eq(total >> u.carry_bits)
+            with m.If(serves_u):
+                m.d.sync += remainders["u"].eq(total)
+            with m.Else():
+                m.d.sync += remainders["v"].eq(total)
+
+        # Along the row.
+        values = {}
+        for name, surface, loads in (("v", v, (slot == 3) & in_cells), ("u", u, (slot == 5) & in_cells)):
+            label = "u" if name == "u" else "v_less_row"
+            increment = Signal(p.formats[f"{label}_increment"].shape, name=f"{name}_increment", reset_less=True)
+            values[name] = value = Signal(p.formats[label].shape, name=f"{name}_value", reset_less=True)
+            start = word.value >> (surface.word_bits + surface.start_bits - surface.value_bits)
+            with m.If(self.step):
+                m.d.sync += value.eq(Mux(loads & last_cell, start, value + increment))
+                with m.If(loads):
+                    m.d.sync += increment.eq(cut)
+
+        cut_bits = u.value_bits - p.fraction_bits
+        v_less_row = values["v"] >> cut_bits
+        for ahead in (1, 0):
+            waiting = Signal.like(v_less_row, name=f"v_less_row_{ahead}_ahead", reset_less=True)
+            with m.If(self.step):
+                m.d.sync += waiting.eq(v_less_row)
+            v_less_row = waiting
+        m.d.comb += [
+            self.u.eq(values["u"] >> cut_bits),
+            self.v.eq(v_less_row + (self.y << p.fraction_bits)),
+        ]
+        return m
+
+
+def _memory(shape, contents, style):
+    """A memory in block RAM; if it is small, tools put it into look-up tables."""
+    bits = len(contents) * Shape.cast(shape).width
+    attributes = {style: "block"} if bits > DISTRIBUTED_BITS else {}
+    return Memory(shape=shape, depth=len(contents), init=contents, attrs=attributes)

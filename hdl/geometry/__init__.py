@@ -1,0 +1,1 @@
+"""From a rig to the exact map of each rectified view."""

@@ -1,0 +1,1 @@
+"""The hardware around a datapath: from pixels in to pixels out."""

@@ -1,0 +1,1 @@
+"""Programs that are called: Yosys, to write Verilog, to read it and to synthesise it."""
