@@ -29,6 +29,7 @@ from hdl.calibration import (
     orbslam3,
     ros,
     suspicions,
+    unnamed_lens,
     zed,
 )
 from hdl.calibration.documents import Document
@@ -45,7 +46,14 @@ STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
 _EMBEDDED = "opencv_samples.yml"
 
 
-def load(path, *more, size: tuple[int, int] | None = None, format: str | None = None, select: str | None = None) -> Rig:
+def load(
+    path,
+    *more,
+    size: tuple[int, int] | None = None,
+    format: str | None = None,
+    select: str | None = None,
+    lens_model: str | None = None,
+) -> Rig:
     """The rig in one calibration file, or in several that belong together, checked.
 
     Parameters
@@ -59,6 +67,8 @@ def load(path, *more, size: tuple[int, int] | None = None, format: str | None = 
         NAME of the format that the files are in, for files that are not recognised, or as two formats.
     select : str, optional
         Which cameras or which resolution of a file that holds more than one pair; see SELECT of the format.
+    lens_model : str, optional
+        A name in LENS_MODELS: the lens of both cameras, where the file does not say what its coefficients are of.
 
     Raises
     ------
@@ -74,21 +84,22 @@ def load(path, *more, size: tuple[int, int] | None = None, format: str | None = 
     if len(documents) > 1 and not reader.SEVERAL_FILES:
         problem = f"several calibrations ({reader.TITLE}), each complete in itself; name one"
         raise InputError(_names(documents), None, None, problem)
-    return _rig(reader, documents, size, select)
+    return _rig(reader, documents, size, select, lens_model)
 
 
 def embedded(size: tuple[int, int] | None = None) -> Rig:
     """The default rig: OpenCV's sample pair, 640x480, scaled to ``size`` if given."""
     text = resources.files(__package__).joinpath(_EMBEDDED).read_text(encoding="utf-8")
-    return _rig(opencv, [Document(_EMBEDDED, text)], size, None)
+    return _rig(opencv, [Document(_EMBEDDED, text)], size)
 
 
-def _rig(reader, documents, size, select):
+def _rig(reader, documents, size, select=None, lens_model=None):
     if size is not None:
         size = checks.image_size("--size", None, *size)
     if select is not None and not reader.SELECT:
         raise InputError("--select", None, select, f"there is nothing to choose in a calibration of {reader.TITLE}")
-    rig = suspicions.settled(checks.check(reader.read(documents, size, select)))
+    rig = unnamed_lens.chosen(reader.read(documents, size, select), lens_model)
+    rig = suspicions.settled(unnamed_lens.guessed(checks.check(rig)))
     rig = replace(rig, format=reader.NAME)
     return _scaled(rig, *size) if size else rig
 

@@ -23,11 +23,14 @@ class Camera:
         Camera matrix, px, pixel centres at integers. Upper triangular; K[0, 1] is the skew.
     D : (n,) float64
         Lens coefficients in OpenCV's order, as the file has them: n = 0, 4, 5, 8, 12 or 14; 4 for "equidistant".
+    named : bool
+        Whether the file, or its format, says which lens it is; otherwise see `hdl.calibration.unnamed_lens`.
     """
 
     model: str
     K: np.ndarray
     D: np.ndarray
+    named: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +50,8 @@ class Rig:
     rectification : dict of side to (R (3, 3), P (3, 4)), or None
         The rectification that the file carries: rectifying rotation and projection of each camera.
     fields : mapping of role to (file, field)
-        How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2". For messages only.
+        How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2", and "model1", "model2"
+        where it should name the lens and does not. For messages only.
     warnings : tuple of str
         What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
     format : str or None
