@@ -10,6 +10,7 @@ from rich.table import Table
 
 from hdl import calibration, files
 from hdl.arithmetic.cost import GOALS
+from hdl.calibration.options import lens_model_option
 from hdl.calibration.rig import SIDES
 from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
 from hdl.core.build import AUTO, Options, build
@@ -41,6 +42,7 @@ def core_options(command):
                 metavar="WHICH",
                 help="The cameras or the resolution to take, where a calibration holds several.",
             ),
+            lens_model_option,
             click.option(
                 "--datapath",
                 type=click.Choice([AUTO, *DATAPATHS]),
@@ -141,7 +143,7 @@ def core_options(command):
 @core_options
 @click.option("--camera", type=click.Choice(SIDES), help="Build this camera only. Default: both.")
 @click.option("--json", "as_json", is_flag=True, help="Print the plans as JSON instead of a table.")
-def generate(calibrations, size, file_format, select, camera, as_json, output, **choices):
+def generate(calibrations, size, file_format, select, lens_model, camera, as_json, output, **choices):
     """Write the Verilog of streaming rectification cores, and a plan that says how exact each one is.
 
     CALIBRATION is the stereo calibration that your tool wrote: one file, a folder, or the files of one pair of cameras.
@@ -154,7 +156,8 @@ def generate(calibrations, size, file_format, select, camera, as_json, output, *
     """
     with steps() as progress:
         progress("calibration")
-        cores = build_cores(camera, progress, load_rig(calibrations, size, file_format, select), **choices)
+        rig = load_rig(calibrations, size, file_format, select, lens_model)
+        cores = build_cores(camera, progress, rig, **choices)
     write(cores, output, calibrations)
     if as_json:
         click.echo(json.dumps([core.plan.model_dump() for core in cores], indent=2))
@@ -222,11 +225,11 @@ def build_cores(
     ]
 
 
-def load_rig(paths, size, file_format, select):
+def load_rig(paths, size, file_format, select, lens_model):
     """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
     if paths:
-        return calibration.load(*paths, size=size, format=file_format, select=select)
-    for option, value in (("--format", file_format), ("--select", select)):
+        return calibration.load(*paths, size=size, format=file_format, select=select, lens_model=lens_model)
+    for option, value in (("--format", file_format), ("--select", select), ("--lens-model", lens_model)):
         if value is not None:
             raise InputError(option, None, value, "there is no CALIBRATION to read; the example rig needs none")
     return calibration.embedded(size)

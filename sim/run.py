@@ -79,7 +79,7 @@ class Result:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
 @click.pass_context
-def simulate(ctx, calibrations, size, file_format, select, folder, left, right, as_json, output, **choices):
+def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, left, right, as_json, output, **choices):
     """Run a frame of each camera through the Verilog of its core, built for it or taken from a folder.
 
     Give your own pair with --left and --right, as large as the calibration's images (or as --size). Without them, a
@@ -98,7 +98,7 @@ def simulate(ctx, calibrations, size, file_format, select, folder, left, right, 
     files.refuse_overwriting("--output", [output / f"{name}.png" for name in PICTURES], read)
     with steps() as progress:
         progress("calibration")
-        rig = stereo_rig(planned) if planned else load_rig(calibrations, size, file_format, select)
+        rig = stereo_rig(planned) if planned else load_rig(calibrations, size, file_format, select, lens_model)
         plan = planned["left"].plan if planned else None
         pixel_bits, channels = (
             getattr(plan, name) if plan else int(choices[name]) for name in ("pixel_bits", "channels")

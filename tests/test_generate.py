@@ -218,6 +218,10 @@ SMALL = "--size 64x48 --datapath proposed --camera left"
     [
         ("--select left", "--select: left: there is no CALIBRATION to read; the example rig needs none"),
         ("--format kitti", "--format: kitti: there is no CALIBRATION to read; the example rig needs none"),
+        (
+            "--lens-model radtan",
+            "--lens-model: radtan: there is no CALIBRATION to read; the example rig needs none",
+        ),
         ("--optimise lut", "--optimise: lut: decides among datapaths; proposed was named already"),
         ("--output=", "--output: an empty name; . is the folder here"),
         (

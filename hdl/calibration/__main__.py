@@ -15,6 +15,7 @@ from rich.table import Table
 
 from hdl import calibration
 from hdl.calibration import SIDES, Camera, Rig, convert
+from hdl.calibration.options import lens_model_option
 from hdl.cli import SizeType, camera_table, run
 from hdl.errors import InputError
 from hdl.geometry.notes import notes, row_disagreement, warnings
@@ -39,6 +40,7 @@ from hdl.lens import LENS_MODELS
     help="The cameras or the resolution to take, where a file holds several. "
     + " ".join(f"{reader.NAME}: {reader.SELECT}." for reader in calibration.FORMATS if reader.SELECT),
 )
+@lens_model_option
 @click.option(
     "--size",
     type=SizeType(),
@@ -54,7 +56,7 @@ from hdl.lens import LENS_MODELS
     help="Write the calibration to OUT.yml in OpenCV's format; the rectification too if the file has one or "
     "an option chooses one.",
 )
-def describe(files, format, select, size, as_json, target, **choices):
+def describe(files, format, select, lens_model, size, as_json, target, **choices):
     """Show what was understood of a calibration: cameras, lenses, baseline, rectification, rows of line buffer.
 
     FILE is what your calibration tool wrote; several files if it takes them to describe one pair of cameras.
@@ -65,7 +67,7 @@ def describe(files, format, select, size, as_json, target, **choices):
     python -m hdl.calibration left.yaml right.yaml --minimise rows --convert rig.yml
     """
     options = RectificationOptions(**choices)
-    rig = calibration.load(*files, size=size, format=format, select=select)
+    rig = calibration.load(*files, size=size, format=format, select=select, lens_model=lens_model)
     description = Description(rig, options)
     content = description.as_json()  # before anything is written: it refuses what cannot be rectified
     if target:
