@@ -2,24 +2,26 @@
 
 The files hold no R and T of the pair: these follow from both rectification matrices and the right projection_matrix.
 Lengths are in metres, as the calibrator asks for the size of its squares. Which camera is the right one follows from
-projection_matrix too, in whichever order the files are given.
+projection_matrix too, in whichever order the files are given. Files without distortion_model are older than it, when
+plumb_bob was the only one; some name the lens in camera_model instead.
 Source: camera_calibration_parsers (parse_yml) and sensor_msgs/CameraInfo.
 """
 
 import re
 
-from hdl.calibration import checks, lenses, motion
+from hdl.calibration import checks, lenses, motion, unnamed_lens
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig
 from hdl.errors import InputError
-from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "ros"
 TITLE = "ROS camera_info (YAML pair)"
 SEVERAL_FILES = True
 SELECT = None
 
+_LENS = "distortion_model", "camera_model"
+_NO_LENS = "pinhole"  # what camera_model says where the lens is another matter
 _TRAITS = [re.compile(rf"^{field}[ \t]*:", re.MULTILINE) for field in ("camera_matrix", "projection_matrix")]
 
 
@@ -79,15 +81,23 @@ class _Info:
         self.fields = fields = Fields(document.name, document.yaml)
         width, height = (checks.whole(self.where, name, fields.get(name)) for name in ("image_width", "image_height"))
         self.size = checks.image_size(self.where, self.size_field, width, height)
-        D = fields.vector("distortion_coefficients", POLYNOMIAL_COUNTS)
-        model = lenses.model(self.where, "distortion_model", fields.get("distortion_model"), D)
-        self.camera = Camera(model, fields.matrix("camera_matrix", 3, 3), D)
+        self.camera = self._camera(fields.matrix("camera_matrix", 3, 3))
         self.R = checks.rotation(self.where, "rectification_matrix", fields.matrix("rectification_matrix", 3, 3))
-        self.P = motion.projection(self.where, "projection_matrix", fields.matrix("projection_matrix", 3, 4))
+        P = fields.matrix("projection_matrix", 3, 4, finite=False)
+        self.P = motion.projection(self.where, "projection_matrix", P)
+
+    def _camera(self, K):
+        D = self.fields.vector("distortion_coefficients", unnamed_lens.COUNTS)
+        for name in _LENS:
+            if name in self.fields and self.fields.get(name) not in (None, "", _NO_LENS):
+                return Camera(lenses.model(self.where, name, self.fields.get(name), D), K, D)
+        return unnamed_lens.camera(K, D)
 
     def roles(self, number):
         names = {"K": "camera_matrix", "D": "distortion_coefficients", "R": "rectification_matrix",
                  "P": "projection_matrix"}  # fmt: skip
+        if not self.camera.named:
+            names["model"] = _LENS[0]
         return {role + number: (self.where, name) for role, name in names.items()}
 
     def warned_of_crop(self, rig):

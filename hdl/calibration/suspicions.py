@@ -60,10 +60,14 @@ def _with_rectification(rig):
     (R1, P1), (R2, P2) = rig.rectification.values()
     rows = row_difference(rig)
     if not rows <= ROWS_WRONG:
-        turned = row_difference(replace(rig, R=rig.R.T)) <= ROWS_EXACT
-        why = "they belong to the transpose of R" if turned else "they are not of these cameras"
-        problem = f"R1 and R2 are not used: rows would differ by {rows:.1f} px, as {why}; rectified anew from R and T"
-        rig = rig.warned("R2", R2, problem)
+        if np.abs(P1[1, :3] - P2[1, :3]).max() > ROWS_EXACT:
+            culprit, names, why = ("P2", P2[:, :3]), "P1 and P2", "each has a focal length and a centre of its own"
+        else:
+            turned = row_difference(replace(rig, R=rig.R.T)) <= ROWS_EXACT
+            culprit, names = ("R2", R2), "R1 and R2"
+            why = "they belong to the transpose of R" if turned else "they are not of these cameras"
+        problem = f"{names} are not used: rows would differ by {rows:.1f} px, as {why}; rectified anew from R and T"
+        rig = rig.warned(*culprit, problem)
         return replace(rig, rectification=None, R=nearest_rotation(rig.R))
     if rows > ROWS_EXACT:
         problem = f"rows of the rectification in the file differ by up to {rows:.2f} px, {_NEAREST} baselines away"
