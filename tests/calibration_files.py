@@ -8,6 +8,7 @@ import pytest
 
 from hdl.calibration import load
 from hdl.errors import InputError
+from hdl.geometry.rectification import rectify
 
 RIG = {
     "image_width": 640,
@@ -61,9 +62,14 @@ def write(content, name="rig.yml"):
     return name
 
 
+# What follows a fault in the file's own rectification, which is refused where that is wanted.
+UNUSED = "; --alpha 0, --focal or --fov do without it"
+
+
 def refusal(*paths, **options):
+    """The line that says why a calibration cannot be read, or not be rectified as it stands; ``options``: of load."""
     with pytest.raises(InputError) as caught:
-        load(*paths, **options)
+        rectify(load(*paths, **options), lens=True)
     message = str(caught.value)
     assert "\n" not in message
     return message

@@ -1,11 +1,12 @@
 """What a calibration has to satisfy before anything is computed from it, whichever format it came in."""
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from hdl.calibration.rig import SIDES, Rig
+from hdl.calibration.rig import SIDES, Rig, unless_faulty
 from hdl.errors import InputError
 from hdl.lens import LENS_MODELS
 
@@ -17,16 +18,16 @@ ROTATION_TOLERANCE = 1e-3  # of R^T R from I: files round to as little as four d
 CONTRADICTION = 0.1  # rad
 
 
-def array(where: str, field: str, values, shape: tuple[int, ...]) -> np.ndarray:
+def array(where: str, field: str, values, shape: tuple[int, ...], finite: bool = True) -> np.ndarray:
     """``values``, a flat list of numbers in row order, as float64 of ``shape``.
 
-    Raises InputError for a value that is not a finite number and for a wrong count.
+    Raises InputError for a value that is not a finite number (not a number, unless ``finite``), and for a wrong count.
     """
     if not isinstance(values, list) or len(values) != math.prod(shape):
         found = f"{len(values)} values" if isinstance(values, list) else values
         raise InputError(where, field, found, f"{math.prod(shape)} numbers are needed")
     for index, value in enumerate(values):
-        if not is_number(value) or not math.isfinite(value):
+        if not is_number(value) or finite and not math.isfinite(value):
             raise InputError(where, f"{field}[{index}]", value, "not a finite number")
     return np.array(values, dtype=np.float64).reshape(shape)
 
@@ -74,7 +75,10 @@ def position(where: str, field: str | None, T: np.ndarray) -> np.ndarray:
 
 
 def check(rig: Rig) -> Rig:
-    """``rig`` itself. Raises InputError, naming file, field and value, for the first thing that cannot be right."""
+    """``rig`` itself. Raises InputError, naming file, field and value, for the first thing that cannot be right.
+
+    A rectification that cannot be right is left out, and the error kept as ``rectification_fault``.
+    """
     image_size(*rig.fields.get("size", (rig.source, "size")), rig.width, rig.height)
     for number, side in enumerate(SIDES, start=1):
         _check_matrix(rig, f"K{number}", rig.camera(side).K, principal_point_inside=True)
@@ -82,7 +86,8 @@ def check(rig: Rig) -> Rig:
     _check_rotation(rig, "R", rig.R)
     _check_baseline(rig)
     if rig.rectification:
-        _check_rectification(rig)
+        _, fault = unless_faulty(lambda: _check_rectification(rig))
+        return replace(rig, rectification=None, rectification_fault=fault) if fault else rig
     return rig
 
 
@@ -157,8 +162,6 @@ def _check_rectification(rig):
         _check_finite(rig, f"P{number}", P)
         _check_matrix(rig, f"P{number}", P[:, :3], principal_point_inside=False)
     (R1, P1), (R2, P2) = (rig.rectification[side] for side in SIDES)
-    if np.abs(P1[1, :3] - P2[1, :3]).max() > 0.01:
-        raise rig.fault("P2", P2[1], f"not row-aligned with the left camera's {P1[1].tolist()}")
     if abs(P2[1, 3]) > abs(P2[0, 3]):
         raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")
     leads_right = (R2 @ rig.T)[0] < 0

@@ -55,7 +55,8 @@ class Document:
         """The content as YAML (or JSON, which is a part of it), as dict, list, int, float, str and None.
 
         Numbers are those of YAML 1.2 and OpenCV (``1.e-001``, ``1e5``, ``.Nan``); an ``!!opencv-matrix`` is a plain
-        dict; a value need not be set off from its key by a space. Aliases, repeated keys and foreign tags are refused.
+        dict; a value need not be set off from its key by a space; a number in quotes is that number. Aliases, repeated
+        keys and foreign tags are refused.
         """
         # PyYAML refuses "%YAML:1.0", which OpenCV writes. A blank line keeps the line numbers of messages.
         text = re.sub(r"\A%YAML[^\n]*", "", self.text)
@@ -150,7 +151,7 @@ class Document:
 
 
 def scalar(text: str) -> int | float | str:
-    """The value of an unquoted word: a number where it spells one, otherwise the word itself."""
+    """The value of a word: a number where it spells one, otherwise the word itself."""
     if not _NUMBER.match(text):
         return text
     if text.lstrip("+-").isdigit() and len(text) < 20:
@@ -161,7 +162,7 @@ def scalar(text: str) -> int | float | str:
 def _xml_value(element):
     text = (element.text or "").strip()
     if text.startswith('"'):
-        return text.strip('"')
+        return scalar(text.strip('"'))
     words = [scalar(word) for word in text.split()]
     return words[0] if len(words) == 1 else words
 
@@ -187,6 +188,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
             raise _refusal(f"{value!r} is not a number", node)
         return value
 
+    def construct_text(self, node):
+        return scalar(self.construct_scalar(node))
+
     def construct_opencv(self, suffix, node):
         return self.construct_mapping(node, deep=True)
 
@@ -204,7 +208,7 @@ _Loader.add_implicit_resolver(_tag("null"), re.compile(r"(?:~|null|)\Z"), ["~", 
 _Loader.add_constructor(_tag("float"), _Loader.construct_number)
 _Loader.add_constructor(_tag("int"), _Loader.construct_number)
 _Loader.add_constructor(_tag("null"), lambda loader, node: None)
-_Loader.add_constructor(_tag("str"), _Loader.construct_yaml_str)
+_Loader.add_constructor(_tag("str"), _Loader.construct_text)
 _Loader.add_constructor(_tag("seq"), _Loader.construct_yaml_seq)
 _Loader.add_constructor(_tag("map"), _Loader.construct_yaml_map)
 _Loader.add_constructor(None, _Loader.construct_undefined)

@@ -55,14 +55,17 @@ class Fields:
             raise self.fault(key, value, "not a finite number")
         return float(value)
 
-    def matrix(self, key, *shape: int) -> np.ndarray:
-        """float64 of ``shape``, from a flat list in row order, from a list of rows, or from rows, cols and data."""
+    def matrix(self, key, *shape: int, finite: bool = True) -> np.ndarray:
+        """float64 of ``shape``, from a flat list in row order, from a list of rows, or from rows, cols and data.
+
+        ``finite``: refuse infinity and NaN.
+        """
         value = self._data(key, shape)
         if isinstance(value, list) and len(value) == shape[0] and all(isinstance(row, list) for row in value):
             if any(len(row) != shape[-1] for row in value):
                 raise self.fault(key, value, f"{shape[0]} rows of {shape[-1]} numbers are needed")
             value = [item for row in value for item in row]
-        return checks.array(self.where, self.name(key), value, shape)
+        return checks.array(self.where, self.name(key), value, shape, finite)
 
     def vector(self, key, counts: tuple[int, ...]) -> np.ndarray:
         """float64 of shape (n,), n in ``counts``, from a list or from rows, cols and data."""

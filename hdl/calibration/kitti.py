@@ -10,7 +10,7 @@ import re
 from hdl.calibration import checks, motion
 from hdl.calibration.documents import Document, scalar
 from hdl.calibration.fields import Fields
-from hdl.calibration.rig import Camera, Rig, polynomial_model
+from hdl.calibration.rig import Camera, Rig, polynomial_model, unless_faulty
 from hdl.calibration.selection import pair
 from hdl.calibration.suspicions import left_first
 from hdl.errors import InputError
@@ -46,6 +46,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     for number, name in (("1", left), ("2", right)):
         for role, field in (("K", "K"), ("D", "D"), ("R", "R_rect"), ("P", "P_rect")):
             roles[role + number] = document.name, f"{field}_{name}"
+    rectification, fault = unless_faulty(lambda: _rectification(fields, left, right))
     rig = Rig(
         source=document.name,
         width=size[0],
@@ -55,7 +56,8 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
         R=R,
         T=T,
         unit="m",
-        rectification=_rectification(fields, left, right),
+        rectification=rectification,
+        rectification_fault=fault,
         fields=roles,
     )
     rig = _warned_of_cut(rig, fields, left) if rig.rectification else rig

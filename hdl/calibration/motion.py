@@ -35,16 +35,18 @@ def of_rectification(R1, P1, R2, P2) -> Motion:
     R1, R2 : (3, 3) float64
         Rotations to the digits of the file.
     P1, P2 : (3, 4) float64
-        P2[0, 0] and P2[1, 1] not zero.
+        T is not finite unless P2[0, 0] and P2[1, 1] are numbers other than zero.
     """
     back = np.linalg.inv(R2)
-    offset = P2[:2, 3] - P1[:2, 3]
-    return back @ R1, back @ [offset[0] / P2[0, 0], offset[1] / P2[1, 1], 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = (P2[:2, 3] - P1[:2, 3]) / [P2[0, 0], P2[1, 1]]
+        return back @ R1, back @ [x, y, 0]
 
 
 def projection(where: str, field: str, P: np.ndarray) -> np.ndarray:
-    """``P``, (3, 4). Raises InputError unless a place can be recovered from it."""
-    if not (P[0, 0] > 0 and P[1, 1] > 0):
-        raise InputError(where, field, P.tolist(), "a focal length must be positive")
-    checks.position(where, field, P[:, 3] / [P[0, 0], P[1, 1], 1])
+    """``P``, (3, 4). Raises InputError unless a place can be recovered from it; the rest of it may be nonsense."""
+    if P[:2, 3].any():
+        if not (P[0, 0] > 0 and P[1, 1] > 0):
+            raise InputError(where, field, P.tolist(), "a focal length must be positive")
+        checks.position(where, field, P[:2, 3] / [P[0, 0], P[1, 1]])
     return P

@@ -1,18 +1,23 @@
 """Calibrations in cv::FileStorage form: YAML, XML or JSON, in one file or spread over several.
 
 OpenCV's stereo_calib sample writes intrinsics.yml (M1, D1, M2, D2) and extrinsics.yml (R, T, R1, R2, P1, P2, Q), and
-nowhere the image size. Other programs write one file, often with K1 for M1.
+nowhere the image size. Other programs write one file, often with K1 for M1. Matrices are cv::Mat; cv::Vec, cv::Point,
+cv::Size and std::vector come as plain sequences, which here stand for a row, a column or a matrix row by row.
 Source: cv::FileStorage and samples/cpp/stereo_calib.cpp of OpenCV 4 and 5. cv2.FileStorage itself is not used, because
 broken files can take the interpreter down with it.
 """
 
+import math
 import re
+from dataclasses import replace
 
-from hdl.calibration import checks, lenses
+import cv2
+import numpy as np
+
+from hdl.calibration import checks, lenses, unnamed_lens
 from hdl.calibration.documents import Document
-from hdl.calibration.rig import Camera, Rig, polynomial_model
+from hdl.calibration.rig import SIDES, Camera, Rig, unless_faulty
 from hdl.errors import InputError
-from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
 NAME = "opencv"
 TITLE = "OpenCV FileStorage (YAML, XML, JSON)"
@@ -30,16 +35,23 @@ SPELLINGS = {
     "R2": ("R2", "rectification_transform_right"),
     "P1": ("P1", "projection_matrix_left"),
     "P2": ("P2", "projection_matrix_right"),
-    "size": ("image_size", "imageSize", "ImageSize", "imgSize"),
+    "size": ("image_size", "imageSize", "ImageSize", "imgSize", "img_size", "Size", "size"),
     "model": ("model", "distortion_model"),
     "fisheye": ("fisheye_model",),  # 0 or 1, as OpenCV's camera_calibration sample writes it
     "unit": ("unit",),  # as this project writes it
     "xi": ("xi", "xi1", "xi_left"),  # cv::omnidir
 }
-SIZE_PAIRS = (("image_width", "image_height"), ("image_Width", "image_Height"), ("imageWidth", "imageHeight"))
+SIZE_PAIRS = (
+    ("image_width", "image_height"),
+    ("image_Width", "image_Height"),
+    ("imageWidth", "imageHeight"),
+    ("img_width", "img_height"),
+    ("width", "height"),
+)
 
 _CAMERA_MATRICES = "|".join(SPELLINGS["K1"] + SPELLINGS["K2"])
 _TRAITS = re.compile(rf'opencv-matrix|<opencv_storage|^[ \t]*"?(?:{_CAMERA_MATRICES})"?[ \t]*:', re.MULTILINE)
+_TYPE = re.compile(r"([1-9][0-9]{0,2})?[ucwsifdh]\Z")  # of elements: channels and depth
 _HINTS = {
     "K1": " (stereo_calib writes it to intrinsics.yml)",
     "R": " (stereo_calib writes it to a second file, extrinsics.yml)",
@@ -61,26 +73,22 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     storage = _Storage(documents)
     if found := storage.find("xi"):
         lenses.refuse_omnidirectional(found[0], found[1], "omnidir")
-    K1, K2 = (storage.matrix(role, 3, 3) for role in ("K1", "K2"))
-    D1, D2 = (storage.vector(role, POLYNOMIAL_COUNTS) for role in ("D1", "D2"))
-    R, T = storage.matrix("R", 3, 3), storage.vector("T", (3,))
-    rectification = None
-    if any(storage.find(role) for role in ("R1", "R2", "P1", "P2")):
-        R1, R2 = (storage.matrix(role, 3, 3) for role in ("R1", "R2"))
-        P1, P2 = (storage.matrix(role, 3, 4) for role in ("P1", "P2"))
-        rectification = {"left": (R1, P1), "right": (R2, P2)}
+    left, right = (storage.camera(number) for number in "12")
+    R, T = storage.rotation(), storage.vector("T", (3,))
+    rectification, fault = unless_faulty(storage.rectification)
     width, height = storage.size(size)
     unit = storage.find("unit")
     return Rig(
         source=storage.source,
         width=width,
         height=height,
-        left=Camera(storage.model(D1), K1, D1),
-        right=Camera(storage.model(D2), K2, D2),
+        left=left,
+        right=right,
         R=R,
         T=T,
         unit="m" if unit and unit[2] == "m" else None,
         rectification=rectification,
+        rectification_fault=fault,
         fields=storage.fields,
     )
 
@@ -88,6 +96,31 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
 def _essence(value):
     """What two files have to agree in, whichever of YAML, XML and JSON each is."""
     return repr([value.get(key) for key in ("rows", "cols", "data")] if isinstance(value, dict) else value)
+
+
+def _shape(where, name, value):
+    """(rows, cols) of a matrix or of a sequence of rows, (n,) of a sequence. Several channels lie along the columns."""
+    if isinstance(value, list):
+        rows = [len(row) for row in value if isinstance(row, list)]
+        return (len(rows), rows[0]) if rows and rows == len(value) * rows[:1] else (len(value),)
+    if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
+        raise InputError(where, name, value, "a matrix with rows, cols, dt and data, or a sequence, is needed")
+    for key in ("rows", "cols"):
+        if not isinstance(value[key], int) or value[key] < 0:
+            raise InputError(where, f"{name}.{key}", value[key], "a whole number is needed")
+    kind = _TYPE.match(str(value.get("dt", "d")))
+    if not kind:
+        raise InputError(where, f"{name}.dt", value["dt"], "a matrix of numbers is needed")
+    return value["rows"], value["cols"] * int(kind.group(1) or 1)
+
+
+def _elements(where, name, value):
+    """File, field and the flat list of what a matrix, a sequence or a sequence of rows holds."""
+    if isinstance(value, dict):
+        return where, f"{name}.data", value.get("data")
+    if len(_shape(where, name, value)) == 2:
+        value = [item for row in value for item in row]
+    return where, name, value
 
 
 class _Storage:
@@ -118,64 +151,76 @@ class _Storage:
         self.fields[role] = where, name
         return found[0]
 
+    def camera(self, number):
+        """The left camera by "1", the right one by "2"."""
+        K, D = self.matrix("K" + number, 3, 3), self.vector("D" + number, unnamed_lens.COUNTS)
+        stated, fisheye = self.find("model"), self.find("fisheye")
+        if fisheye and fisheye[2] not in (0, 1):
+            raise InputError(*fisheye, "0 or 1 is needed")
+        if fisheye and fisheye[2]:
+            return Camera("equidistant", K, D)
+        if stated:
+            return Camera(lenses.model(*stated, D), K, D)
+        return replace(unnamed_lens.camera(K, D), named=bool(fisheye))
+
+    def rotation(self):
+        """R (3, 3), from a matrix or a rotation vector."""
+        where, name, value = self._found_for("R")
+        if _shape(where, name, value) not in ((1, 3), (3, 1), (3,)):
+            return self.matrix("R", 3, 3)
+        vector = self.vector("R", (3,))
+        if not np.abs(vector).max() <= 2 * np.pi:
+            raise InputError(where, name, vector.tolist(), "a rotation matrix, or a rotation vector in rad, is needed")
+        return cv2.Rodrigues(vector)[0]
+
+    def rectification(self):
+        """{side: (R, P)} or None."""
+        if not any(self.find(role) for role in ("R1", "R2", "P1", "P2")):
+            return None
+        return {
+            side: (self.matrix("R" + number, 3, 3), self.matrix("P" + number, 3, 4))
+            for side, number in zip(SIDES, "12")
+        }
+
     def matrix(self, role, rows, cols):
-        """float64 of shape (rows, cols)."""
-        where, name, value = self._matrix(role)
-        if (value["rows"], value["cols"]) != (rows, cols):
-            raise InputError(where, name, f"{value['rows']}x{value['cols']}", f"a {rows}x{cols} matrix is needed")
-        return checks.array(where, f"{name}.data", value["data"], (rows, cols))
+        """float64 of shape (rows, cols), from a matrix, from a sequence row by row, or from a sequence of rows."""
+        where, name, value = self._found_for(role)
+        shape = _shape(where, name, value)
+        if len(shape) == 2 and shape != (rows, cols):
+            raise InputError(where, name, f"{shape[0]}x{shape[1]}", f"a {rows}x{cols} matrix is needed")
+        return checks.array(*_elements(where, name, value), (rows, cols))
 
     def vector(self, role, counts):
-        """float64 of shape (n,), n in ``counts``, from one row or one column."""
-        where, name, value = self._matrix(role)
-        shape = value["rows"], value["cols"]
-        count = shape[0] * shape[1]
-        if min(shape) > 1 or count not in counts:
+        """float64 of shape (n,), n in ``counts``, from a matrix of one row or one column, or from a sequence."""
+        where, name, value = self._found_for(role)
+        shape = _shape(where, name, value)
+        count = math.prod(shape)
+        if min(shape) > 1 and len(shape) == 2 or count not in counts:
             accepted = " or ".join(map(str, counts))
-            problem = f"{accepted} numbers in one row or column are needed"
-            raise InputError(where, name, f"{shape[0]}x{shape[1]}", problem)
-        return checks.array(where, f"{name}.data", value["data"], (count,))
+            found = "x".join(map(str, shape)) if len(shape) == 2 else f"{count} values"
+            raise InputError(where, name, found, f"{accepted} numbers in one row or column are needed")
+        return checks.array(*_elements(where, name, value), (count,))
 
-    def _matrix(self, role):
+    def _found_for(self, role):
         found = self.find(role)
         if not found:
             names = " or ".join(SPELLINGS[role][:2])
             raise InputError(self.source, names, None, "missing" + _HINTS[role])
-        where, name, value = found
-        if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
-            raise InputError(where, name, value, "a matrix with rows, cols, dt and data is needed")
-        for key in ("rows", "cols"):
-            if not isinstance(value[key], int) or value[key] < 0:
-                raise InputError(where, f"{name}.{key}", value[key], "a whole number is needed")
-        if value.get("dt", "d") not in ("u", "c", "w", "s", "i", "f", "d"):
-            raise InputError(where, f"{name}.dt", value["dt"], "a matrix of one channel is needed")
         return found
-
-    def model(self, D):
-        """The lens model: equidistant where the file says so, otherwise what the coefficients in use amount to."""
-        stated, fisheye = self.find("model"), self.find("fisheye")
-        if fisheye and fisheye[2] not in (0, 1):
-            raise InputError(*fisheye, "0 or 1 is needed")
-        if stated and not (fisheye and fisheye[2]):
-            return lenses.model(*stated, D)
-        return "equidistant" if fisheye and fisheye[2] else polynomial_model(D)
 
     def size(self, default):
         """(width, height) in px: from the file, otherwise ``default``."""
         for pair in SIZE_PAIRS:
-            found = [self._found[name] for name in pair if name in self._found]
-            if len(found) == 1:
-                where, given, _ = found[0]
-                raise InputError(where, next(name for name in pair if name != given), None, f"missing beside {given}")
-            if found:
-                self.fields["size"] = found[0][0], ", ".join(pair)
-                return tuple(checks.whole(*entry) for entry in found)
+            if all(name in self._found for name in pair):
+                self.fields["size"] = self._found[pair[0]][0], ", ".join(pair)
+                return tuple(checks.whole(*self._found[name]) for name in pair)
         if both := self.find("size"):
-            where, name, value = both
-            if not isinstance(value, list) or len(value) != 2:
-                raise InputError(where, name, value, "width and height are needed")
-            return tuple(checks.whole(where, name, item) for item in value)
+            where, name, _ = both
+            return tuple(checks.whole(where, name, item) for item in self.vector("size", (2,)))
         if default is None:
+            for given, other in (names for pair in SIZE_PAIRS for names in (pair, pair[::-1])):
+                if given in self._found:
+                    raise InputError(self._found[given][0], other, None, f"missing beside {given}")
             problem = "missing: the calibration does not state the size of its images; give it with --size"
             raise InputError(self.source, SIZE_PAIRS[0][0], None, problem)
         self.fields["size"] = "--size", None

@@ -36,7 +36,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     rectification = {}
     for side in ("LEFT", "RIGHT"):
         R = checks.rotation(document.name, f"{side}.R", fields.matrix(f"{side}.R", 3, 3))
-        P = motion.projection(document.name, f"{side}.P", fields.matrix(f"{side}.P", 3, 4))
+        P = motion.projection(document.name, f"{side}.P", fields.matrix(f"{side}.P", 3, 4, finite=False))
         rectification[side.lower()] = R, P
     R, T = motion.of_rectification(*rectification["left"], *rectification["right"])
     roles = {"size": (document.name, "LEFT.width, LEFT.height")}

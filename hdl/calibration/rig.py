@@ -1,6 +1,6 @@
 """What every calibration format is turned into: two cameras, and how one stands to the other."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -49,6 +49,9 @@ class Rig:
         In ``unit``, which is None where the format does not fix one.
     rectification : dict of side to (R (3, 3), P (3, 4)), or None
         The rectification that the file carries: rectifying rotation and projection of each camera.
+    rectification_fault : InputError or None
+        Why there is none though the file carries one. `hdl.geometry.rectify` raises it where the file's own is wanted,
+        so that a fault in what an option leaves unused refuses nothing.
     fields : mapping of role to (file, field)
         How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2", and "model1", "model2"
         where it should name the lens and does not. For messages only.
@@ -67,6 +70,7 @@ class Rig:
     T: np.ndarray
     unit: str | None = None
     rectification: dict[str, tuple[np.ndarray, np.ndarray]] | None = None
+    rectification_fault: InputError | None = None
     fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
     format: str | None = None
@@ -130,3 +134,11 @@ def polynomial_model(D: np.ndarray) -> str:
     return next(
         name for name, count in (("radtan", 5), ("rational", 8), ("thin_prism", 12), ("tilted", 14)) if used <= count
     )
+
+
+def unless_faulty(read: Callable) -> tuple:
+    """What ``read`` returns, and None; or None, and the InputError that it raises: a Rig's rectification and fault."""
+    try:
+        return read(), None
+    except InputError as error:
+        return None, error

@@ -88,9 +88,14 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
     Raises
     ------
     InputError
-        If an option does not fit the rig, or if the rectified frame reaches behind a camera (z <= 0).
+        If an option does not fit the rig, if the rectified frame reaches behind a camera (z <= 0), or if the file's
+        own rectification is wanted and cannot be right.
     """
-    if rig.rectification and options.given in ([], ["--minimise"]):
+    own = options.given in ([], ["--minimise"])
+    if own and rig.rectification_fault:
+        instead = "--focal or --fov" if _is_fisheye(rig) else "--alpha 0, --focal or --fov"
+        raise InputError(None, None, None, f"{rig.rectification_fault}; {instead} do without it")
+    if rig.rectification and own:
         rectification = rig.rectification
         geometry = [(role, rectification[side][0]) for role, side in zip(("R1", "R2"), SIDES)]
     else:

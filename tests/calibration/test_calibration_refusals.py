@@ -5,7 +5,18 @@ import re
 import time
 
 import pytest
-from calibration_files import EXTRINSICS, EYE, INTRINSICS, RECTIFICATION, RIG, as_xml, as_yaml, refusal, write
+from calibration_files import (
+    EXTRINSICS,
+    EYE,
+    INTRINSICS,
+    RECTIFICATION,
+    RIG,
+    UNUSED,
+    as_xml,
+    as_yaml,
+    refusal,
+    write,
+)
 
 from hdl.calibration import FORMATS, load
 from hdl.calibration.documents import MAX_BYTES
@@ -27,8 +38,10 @@ def folder_of_its_own(tmp_path, monkeypatch):
         ({"M1": (3, 3, NINE[:8])}, "M1.data = 8 values: 9 numbers are needed"),
         ({"M1": (3, "x", NINE)}, "M1.cols = x: a whole number is needed"),
         ({"M1": (3, -3, NINE)}, "M1.cols = -3: a whole number is needed"),
-        ({"M1": "[ 1, 2, 3 ]"}, "M1 = [1, 2, 3]: a matrix with rows, cols, dt and data is needed"),
-        ({"M1": 5}, "M1 = 5: a matrix with rows, cols, dt and data is needed"),
+        ({"M1": (3, 3, NINE) , "M2": "[ 1, 2, 3 ]"}, "M2 = 3 values: 9 numbers are needed"),
+        ({"M1": "[ [ 1, 2 ], [ 3, 4 ] ]"}, "M1 = 2x2: a 3x3 matrix is needed"),
+        ({"M1": "[ [ 1, 2, 3 ], [ 4, 5 ], [ 6, 7, 8 ] ]"}, "M1 = 3 values: 9 numbers are needed"),
+        ({"M1": 5}, "M1 = 5: a matrix with rows, cols, dt and data, or a sequence, is needed"),
         ({"M1": (3, 3, ["0."] * 9)},
          "M1 = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]: not of the form [fx s cx; 0 fy cy; 0 0 1]"),
         ({"M2": (3, 3, ["0.", *RIG["M2"][2][1:]])}, "M2 = fx 0: singular or mirrored: a focal length must be positive"),
@@ -50,7 +63,10 @@ def folder_of_its_own(tmp_path, monkeypatch):
                                           "not a rotation: R^T R differs from the identity by 0.21"),
         ({"R": (3, 3, ["-1.", *EYE[1:]])}, "R = [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]: "
                                           "not a rotation: its determinant is -1"),
-        ({"R": (3, 1, NINE[:3])}, "R = 3x1: a 3x3 matrix is needed"),
+        ({"R": (3, 1, NINE[6:])},
+         "R = [7.0, 8.0, 9.0]: a rotation matrix, or a rotation vector in rad, is needed"),
+        ({"R": (3, 2, NINE[:6])}, "R = 3x2: a 3x3 matrix is needed"),
+        ({"R": "[ 1, 2 ]"}, "R = 2 values: 9 numbers are needed"),
         ({"T": (3, 1, ["0.", "0.", "0."])},
          "T = [0.0, 0.0, 0.0]: the two cameras are in one place; a stereo rig has a baseline"),
         ({"T": (3, 1, ["-1.", "100.", "0."])}, "T = [-1.0, 100.0, 0.0]: one camera is above the other; "
@@ -58,8 +74,10 @@ def folder_of_its_own(tmp_path, monkeypatch):
         ({"T": (3, 1, ["1e300", "0.", "0."])}, "T = [1e+300, 0.0, 0.0]: no length of a baseline in any unit"),
         ({"T": (3, 1, ["-1e-12", "0.", "0."])}, "T = [-1e-12, 0.0, 0.0]: no length of a baseline in any unit"),
         ({"T": (1, 2, ["-1.", "0."])}, "T = 1x2: 3 numbers in one row or column are needed"),
+        ({"T": "[ -1., 0. ]"}, "T = 2 values: 3 numbers in one row or column are needed"),
+        ({"T": "[ -1., 0., abc ]"}, "T[2] = abc: not a finite number"),
         ({"image_width": "wide"}, "image_width = wide: a whole number of pixels is needed"),
-        ({"image_width": '"640"'}, "image_width = 640: a whole number of pixels is needed"),
+        ({"image_width": '"640 px"'}, "image_width = 640 px: a whole number of pixels is needed"),
         ({"image_width": "[ 640, 480 ]"}, "image_width = [640, 480]: a whole number of pixels is needed"),
         ({"image_height": ".Nan"}, "image_height = nan: a whole number of pixels is needed"),
         ({"image_height": 0}, "image_width, image_height = 640x0: an image size must lie between 16 and 16384 px"),
@@ -74,10 +92,6 @@ def test_bad_fields_are_named_with_their_value(change, message):
     assert refusal(write(as_yaml(RIG | change))) == f"rig.yml: {message}"
 
 
-def test_quoted_numbers_are_words_in_xml_too():
-    assert refusal(write(as_xml(RIG | {"image_width": '"640"'}))).startswith("rig.yml: image_width = 640: a whole")
-
-
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -88,8 +102,7 @@ def test_quoted_numbers_are_words_in_xml_too():
          "P1 = fx -450: singular or mirrored: a focal length must be positive"),
         ({"P2": (3, 4, [*RECTIFICATION["P2"][2][:3], "45000.", *RECTIFICATION["P2"][2][4:]])},
          "P2 = [450.0, 0.0, 300.0, 45000.0]: the baseline has the wrong sign for a camera on the right"),
-        ({"P2": (3, 4, [*RECTIFICATION["P2"][2][:6], "260.", *RECTIFICATION["P2"][2][7:]])},
-         "P2 = [0.0, 450.0, 260.0, 0.0]: not row-aligned with the left camera's [0.0, 450.0, 250.0, 0.0]"),
+        ({"P1": (3, 4, [".Nan", *RECTIFICATION["P1"][2][1:]])}, "P1.data[0] = nan: not a finite number"),
         ({"R2": (3, 3, ["0.8", "0.", "0.6", "0.", "1.", "0.", "-0.6", "0.", "0.8"])},
          "R2 = [[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]]: "
          "does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along x"),
@@ -99,7 +112,7 @@ def test_quoted_numbers_are_words_in_xml_too():
     ],
 )  # fmt: skip
 def test_bad_rectifications_are_named_with_their_value(change, message):
-    assert refusal(write(as_yaml(RIG | RECTIFICATION | change))) == f"rig.yml: {message}"
+    assert refusal(write(as_yaml(RIG | RECTIFICATION | change))) == f"rig.yml: {message}{UNUSED}"
 
 
 @pytest.mark.parametrize(
@@ -109,7 +122,7 @@ def test_bad_rectifications_are_named_with_their_value(change, message):
         ("D2", "D2 or dist_coeffs_right: missing (stereo_calib writes it to intrinsics.yml)"),
         ("T", "T or translation_vector: missing (stereo_calib writes it to a second file, extrinsics.yml)"),
         ("image_height", "image_height: missing beside image_width"),
-        ("P2", "P2 or projection_matrix_right: missing; R1, R2, P1 and P2 belong together"),
+        ("P2", "P2 or projection_matrix_right: missing; R1, R2, P1 and P2 belong together" + UNUSED),
     ],
 )
 def test_missing_fields_are_named(missing, message):

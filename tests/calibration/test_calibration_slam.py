@@ -270,7 +270,8 @@ class TestOrbslam:
         ({"RIGHT.width": 640}, "RIGHT.width, RIGHT.height = [640, 480]: not that of LEFT, [752, 480]"),
         ({"RIGHT.K": [2, 3, [1.0] * 6]}, "RIGHT.K = 2x3: a 3x3 matrix is needed"),
         ({"LEFT.R": [3, 3, [1.0] * 9]}, "LEFT.R = [[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]: not a rotation"),
-        ({"LEFT.P": [3, 4, [0.0] * 12]}, "LEFT.P = [[0.0, 0.0, 0.0, 0.0], "),
+        ({"LEFT.P": [3, 4, [0.0] * 12]}, "LEFT.P = [[0.0, 0.0, 0.0], "),
+        ({"RIGHT.P": [3, 4, [0.0, 0.0, 0.0, -47.9] * 3]}, "RIGHT.P = [[0.0, 0.0, 0.0, -47.9], "),
         ({"Camera.type": '"KannalaBrandt8"'}, "Camera.type = KannalaBrandt8: LEFT and RIGHT are understood"),
     ])  # fmt: skip
     def test_bad_fields_are_named(self, change, message):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from calibration_files import RECTIFICATION, RIG, as_yaml, refusal, write
+from calibration_files import RECTIFICATION, RIG, UNUSED, as_yaml, refusal, write
 
 from hdl.calibration import embedded, load
 from hdl.calibration.suspicions import row_difference
@@ -98,7 +98,7 @@ def test_rectification_and_t_that_lead_in_opposite_directions_are_refused():
     message = refusal(write(as_yaml(RIG | RECTIFICATION | {"T": (3, 1, ["99.98", "1.99986667", "0."])})))
     assert message == (
         "rig.yml: T = [99.98, 1.99986667, 0.0]: "
-        "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
+        "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T" + UNUSED
     )
 
 
