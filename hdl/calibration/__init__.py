@@ -31,6 +31,7 @@ from hdl.calibration import (
     suspicions,
     unnamed_lens,
     zed,
+    zed_opencv,
 )
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import SIDES, Camera, Rig
@@ -39,7 +40,7 @@ from hdl.errors import InputError
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's comes last: others are written in its YAML too.
-FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, mynt, orbslam, orbslam3, bouguet, matlab, opencv)
+FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, bouguet, matlab, opencv)
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
 

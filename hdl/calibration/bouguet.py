@@ -5,10 +5,9 @@ is in millimetres, in which the toolbox asks for the size of the squares.
 Source: Bouguet, "Camera Calibration Toolbox for Matlab", description of the calibration parameters, and example 5.
 """
 
-import cv2
 import numpy as np
 
-from hdl.calibration import checks
+from hdl.calibration import checks, motion
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig, polynomial_model
@@ -28,16 +27,14 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     """The rig in one document. Raises InputError for a missing variable and a wrong shape."""
     (document,) = documents
     fields = Fields(document.name, plain(document))
-    om = fields.matrix("om", 3)
-    if not np.abs(om).max() <= 2 * np.pi:
-        raise fields.fault("om", om.tolist(), "a rotation vector in rad is needed")
+    R = motion.of_vector(document.name, "om", fields.matrix("om", 3))
     T = checks.position(document.name, "T", fields.matrix("T", 3)) / 1000
     width, height = (checks.whole(document.name, key, fields.get(key)) for key in ("nx", "ny"))
     roles = {"size": (document.name, "nx, ny"), "R": (document.name, "om"), "T": (document.name, "T")}
     for number, side in (("1", "left"), ("2", "right")):
         roles |= {"K" + number: (document.name, f"KK_{side}"), "D" + number: (document.name, f"kc_{side}")}
     return Rig(
-        document.name, width, height, _camera(fields, "left"), _camera(fields, "right"), cv2.Rodrigues(om)[0], T,
+        document.name, width, height, _camera(fields, "left"), _camera(fields, "right"), R, T,
         unit="m", fields=roles,
     )  # fmt: skip
 

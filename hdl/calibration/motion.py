@@ -1,11 +1,19 @@
 """Rigid motions as pairs (R, T): x_to = R x_from + T."""
 
+import cv2
 import numpy as np
 
 from hdl.calibration import checks
 from hdl.errors import InputError
 
 Motion = tuple[np.ndarray, np.ndarray]
+
+
+def of_vector(where: str, field: str, vector: np.ndarray) -> np.ndarray:
+    """The rotation, (3, 3), by ``vector``, rad. Raises InputError for one beyond a whole turn, as degrees are."""
+    if not np.abs(vector).max() <= 2 * np.pi:
+        raise InputError(where, field, vector.tolist(), "a rotation vector in rad is needed")
+    return cv2.Rodrigues(vector)[0]
 
 
 def inverse(motion: Motion) -> Motion:

@@ -11,10 +11,7 @@ import math
 import re
 from dataclasses import replace
 
-import cv2
-import numpy as np
-
-from hdl.calibration import checks, lenses, unnamed_lens
+from hdl.calibration import checks, lenses, motion, unnamed_lens
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import SIDES, Camera, Rig, unless_faulty
 from hdl.errors import InputError
@@ -168,10 +165,7 @@ class _Storage:
         where, name, value = self._found_for("R")
         if _shape(where, name, value) not in ((1, 3), (3, 1), (3,)):
             return self.matrix("R", 3, 3)
-        vector = self.vector("R", (3,))
-        if not np.abs(vector).max() <= 2 * np.pi:
-            raise InputError(where, name, vector.tolist(), "a rotation matrix, or a rotation vector in rad, is needed")
-        return cv2.Rodrigues(vector)[0]
+        return motion.of_vector(where, name, self.vector("R", (3,)))
 
     def rectification(self):
         """{side: (R, P)} or None."""

@@ -63,8 +63,7 @@ def folder_of_its_own(tmp_path, monkeypatch):
                                           "not a rotation: R^T R differs from the identity by 0.21"),
         ({"R": (3, 3, ["-1.", *EYE[1:]])}, "R = [[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]: "
                                           "not a rotation: its determinant is -1"),
-        ({"R": (3, 1, NINE[6:])},
-         "R = [7.0, 8.0, 9.0]: a rotation matrix, or a rotation vector in rad, is needed"),
+        ({"R": (3, 1, NINE[6:])}, "R = [7.0, 8.0, 9.0]: a rotation vector in rad is needed"),
         ({"R": (3, 2, NINE[:6])}, "R = 3x2: a 3x3 matrix is needed"),
         ({"R": "[ 1, 2 ]"}, "R = 2 values: 9 numbers are needed"),
         ({"T": (3, 1, ["0.", "0.", "0."])},

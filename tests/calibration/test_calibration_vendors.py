@@ -69,11 +69,11 @@ class TestDepthai:
 
 
 class TestZed:
-    def test_vector_of_stereolabs_is_turned_for_opencv(self):
+    def test_baseline_is_a_length_and_ty_and_tz_are_those_of_t(self):
         sections = copy.deepcopy(ZED)
         sections["STEREO"] |= {"TY": "0.3", "TZ_HD": "-0.2"}
         rig = load(write(zed(sections)), select="hd")
-        assert rig.T == pytest.approx([-0.12, -0.0003, 0.0002], abs=1e-15)
+        assert rig.T == pytest.approx([-0.12, 0.0003, -0.0002], abs=1e-15)
         assert rig.R == pytest.approx(turn(0.00612931, 0.006799, -0.00194124), abs=1e-15)
 
     @pytest.mark.parametrize("options, size, fx", [
@@ -104,12 +104,14 @@ class TestZed:
 
     @pytest.mark.parametrize("section, key, value, message", [
         ("LEFT_CAM_HD", "fx", "wide", "LEFT_CAM_HD.fx = wide: not a finite number"),
-        ("RIGHT_CAM_HD", "k3", None, "RIGHT_CAM_HD.k3: missing"),
+        ("RIGHT_CAM_HD", "k2", None, "RIGHT_CAM_HD.k2: missing"),
+        ("RIGHT_CAM_HD", "p2", None, "RIGHT_CAM_HD.p2: missing"),
         ("RIGHT_CAM_HD", None, None, "RIGHT_CAM_HD: the section is missing"),
         ("STEREO", None, None, "STEREO: the section is missing"),
         ("STEREO", "Baseline", None, "STEREO.baseline: missing"),
         ("STEREO", "RX_HD", "7", "STEREO.RX, CV, RZ_HD = [7.0, 0.006799, -0.00194124]: angles in rad are needed"),
-        ("LEFT_CAM_HD", "s1", "1", "LEFT_CAM_HD.k4: missing beside s1"),
+        ("LEFT_CAM_HD", "s1", "1", "LEFT_CAM_HD.s2: missing"),
+        ("LEFT_CAM_HD", "k6", "1", "LEFT_CAM_HD.k4: missing"),
     ])  # fmt: skip
     def test_bad_fields_are_named(self, section, key, value, message):
         sections = copy.deepcopy(ZED)
