@@ -142,6 +142,16 @@ def zed(sections=ZED):
     return "\n\n".join(texts) + "\n"
 
 
+def zed_tool(size, cameras, vector, T, fisheye=False):
+    """As zed-opencv-calibration writes it; ``cameras``: K and D, ``vector``: of the rotation, rad, ``T``: in mm."""
+    fields = {"Size": list(size)}
+    for side, (K, D) in zip(("LEFT", "RIGHT"), cameras):
+        fields[f"K_{side}"] = 3, 3, list(map(repr, np.ravel(K).tolist()))
+        fields[f"D_{side}{'_FE' if fisheye else ''}"] = 1, len(D), list(map(repr, D))
+    fields |= {name: (3, 1, list(map(repr, values))) for name, values in (("R", vector), ("T", T))}
+    return as_yaml(fields)
+
+
 def opencv(fields, size):
     matrices = {key: (rows, cols, list(map(repr, data))) for key, (rows, cols, data) in fields.items()}
     return as_yaml({"image_width": size[0], "image_height": size[1]} | matrices)
@@ -183,6 +193,12 @@ def _mynt(model):
     return {f"img.params.{model}": mynt((MYNT["size"], model, *MYNT[model]))}
 
 
+ZED_TOOL = (
+    [([[369.2, 0, 484.1], [0, 368.9, 296.3], [0, 0, 1]], [0.31, 0.052, 1.9e-4, -8.1e-5, 0.0021, 0.341, 0.092, 0.0089]),
+     ([[369.7, 0, 477.6], [0, 369.4, 303.8], [0, 0, 1]], [0.33, 0.049, -1.2e-4, 2.3e-4, 0.0019, 0.362, 0.09, 0.0081])],
+    [0.0031, -0.0052, 0.0017], [-119.87, 1.42, -2.31],
+)  # fmt: skip
+
 # From the right camera to the left one.
 TUM_VI_C1_C2 = np.array(TUM_VI["cameras"][0]["T_cam_imu"]) @ np.linalg.inv(TUM_VI["cameras"][1]["T_cam_imu"])
 
@@ -217,5 +233,6 @@ RIGS = {
     "unlook_1456": Files({"unlook_1456.yaml": opencv(UNLOOK_1456, (1456, 1088))},
                          ("unlook_1456/calib_boofcv_test3.yaml",)),
     "zed": Files({"SN1010.conf": zed()}, ("zed_sn1010/zed-cam-sn-1010.conf",)),
+    "zed_tool": Files({"zed_calibration_1010.yml": zed_tool((960, 600), *ZED_TOOL)}),
     "zed_vga": Files({"SN1010.conf": zed()}, ("zed_sn1010/zed-cam-sn-1010.conf",), {"size": (672, 376)}),
 }  # fmt: skip

@@ -16,6 +16,7 @@ BASELINE_DIFFERENCE = 0.01  # of T against P2, relative
 # Rows of a rectification that the file brings, px: below the first it is exact to the digits of the file, beyond the
 # last it is not one of these cameras.
 ROWS_EXACT, ROWS_WRONG = 0.05, 1.0
+PROJECTIONS_APART = 0.01  # px, of the focal lengths and the rows of the centres in P1 and P2, which have to be one
 ROWS_EQUAL = 1e-9  # nothing is left to be settled
 DIGITS = 1e-4  # of R, within which it may follow the rectification
 _NEAREST = 10  # baselines
@@ -24,7 +25,8 @@ _NEAREST = 10  # baselines
 def settled(rig: Rig) -> Rig:
     """``rig``, which has passed checks.check, with R, T and rectification in agreement, and with warnings.
 
-    A rectification of the file whose rows differ by more than ROWS_WRONG is left out, with a warning. One that is exact
+    A rectification of the file whose rows differ by more than ROWS_WRONG, or whose projections are not those of a pair,
+    is left out, with a warning. One that is exact
     to the digits of the file decides on the last digits of R, so that rows agree; R is then a rotation to these digits.
     Without one, R becomes the rotation nearest to the digits of the file.
     """
@@ -59,13 +61,13 @@ def _with_rectification(rig):
     rig = _baseline_of_projection(rig)
     (R1, P1), (R2, P2) = rig.rectification.values()
     rows = row_difference(rig)
-    if not rows <= ROWS_WRONG:
-        if np.abs(P1[1, :3] - P2[1, :3]).max() > ROWS_EXACT:
-            culprit, names, why = ("P2", P2[:, :3]), "P1 and P2", "each has a focal length and a centre of its own"
-        else:
-            turned = row_difference(replace(rig, R=rig.R.T)) <= ROWS_EXACT
-            culprit, names = ("R2", R2), "R1 and R2"
-            why = "they belong to the transpose of R" if turned else "they are not of these cameras"
+    apart = np.abs(P1 - P2)[[0, 1, 1], [0, 1, 2]].max() > PROJECTIONS_APART
+    if apart or not rows <= ROWS_WRONG:
+        culprit, names, why = ("R2", R2), "R1 and R2", "they are not of these cameras"
+        if apart:
+            culprit, names, why = ("P2", P2[:, :3]), "P1 and P2", "each is of its own camera"
+        elif row_difference(replace(rig, R=rig.R.T)) <= ROWS_EXACT:
+            why = "they belong to the transpose of R"
         problem = f"{names} are not used: rows would differ by {rows:.1f} px, as {why}; rectified anew from R and T"
         rig = rig.warned(*culprit, problem)
         return replace(rig, rectification=None, R=nearest_rotation(rig.R))

@@ -105,7 +105,10 @@ def _guess(rig, doubtful):
     for index in {0, 1} - set(doubtful):
         model = "equidistant" if cameras[index].model == "equidistant" else "radtan"
         return model, f"the lens of the {SIDES[index]} camera is one"
-    return _by_rectification(rig) or _by_numbers([camera.D for camera in cameras], [_reach(rig, c) for c in cameras])
+    with np.errstate(all="ignore"):
+        return _by_rectification(rig) or _by_numbers(
+            [camera.D for camera in cameras], [_reach(rig, c) for c in cameras]
+        )
 
 
 def _by_rectification(rig):

@@ -13,7 +13,7 @@ from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera, Rig, polynomial_model
 from hdl.lens.polynomial import COUNTS as POLYNOMIAL_COUNTS
 
-NAME = "zed_opencv"
+NAME = "zed-opencv"
 TITLE = "zed-opencv-calibration (zed_calibration_SN.yml)"
 SEVERAL_FILES = False
 SELECT = None

@@ -98,6 +98,20 @@ def test_json_is_the_rig_and_the_rows_of_its_maps(fields, command):
     assert content["warnings"] == list(rig.warnings)
 
 
+def test_lens_without_a_name_is_that_of_the_option(command):
+    four = (1, 4, ["-0.013", "-0.005", "0.006", "-0.003"])
+    path = write(as_yaml(SMALL | {"D1": four, "D2": four}))
+    guessed, radtan = (json.loads(command(path, "--json", *more)[1]) for more in ((), ("--lens-model", "radtan")))
+    assert (guessed["left"]["model"], radtan["left"]["model"]) == ("equidistant", "radtan")
+    assert "--lens-model radtan if they are k1, k2, p1, p2" in guessed["warnings"][0]
+    assert not [line for line in radtan["warnings"] if "lens" in line]
+    status, out, err = command(path, "--lens-model", "rational-polynomial")
+    assert (status, out, err.count("\n")) == (2, "", 1) and "--lens-model" in err
+    status, out, err = command(write(as_yaml(SMALL)), "--lens-model", "equidistant")
+    message = "--lens-model: equidistant: rig.yml: D1 has 5 coefficients, and such a lens 4"
+    assert (status, out, err) == (2, "", f"error: {message}\n")
+
+
 def test_table_says_what_was_understood(command):
     status, out, err = command(write(as_yaml(SMALL)))
     assert (status, err) == (0, "")

@@ -28,6 +28,7 @@ FUZZ = settings(
 
 TEXTS = {
     "ros": "ps4eye", "euroc": "mynteye_s_jpl", "kalibr": "tum_vi", "kitti": "kitti", "depthai": "oakd", "zed": "zed",
+    "zed-opencv": "zed_tool",
     "mynt": "mynteye_s1030_pinhole", "mynt_fisheye": "mynteye_s1030_equidistant", "orbslam": "euroc_orbslam",
     "orbslam3": "tum_vi_orbslam3",
 }  # fmt: skip
@@ -85,11 +86,16 @@ def test_damaged_text_is_read_or_refused(name, data):
     read_or_refused(*names, format=name.split("_")[0])
 
 
-@pytest.mark.parametrize("form", [as_yaml, as_xml])
+# Of a lens without a name, and with sequences for vectors.
+UNNAMED = {"D1": "[ -0.013, -0.0052, 0.0063, -0.0031 ]", "D2": "[ -0.0127, -0.0049, 0.0057, -0.0028 ]",
+           "T": "[ -99.98, -1.99986667, 0. ]"}  # fmt: skip
+
+
+@pytest.mark.parametrize("form, change", [(as_yaml, {}), (as_xml, {}), (as_yaml, UNNAMED)])
 @FUZZ
 @given(data=st.data())
-def test_damaged_opencv_file_is_read_or_refused(form, data):
-    read_or_refused(write(encoded(data.draw(damaged(form(RIG | RECTIFICATION))))))
+def test_damaged_opencv_file_is_read_or_refused(form, change, data):
+    read_or_refused(write(encoded(data.draw(damaged(form(RIG | RECTIFICATION | change))))))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -32,6 +32,7 @@ EXPECTED = {
     "unlook_1280": ("opencv", (1280, 720), "radtan", None, 69.829548),
     "unlook_1456": ("opencv", (1456, 1088), "radtan", None, 70.017229),
     "zed": ("zed", (2208, 1242), "radtan", "m", 0.12),
+    "zed_tool": ("zed-opencv", (960, 600), "rational", "m", 0.119901),
     "zed_vga": ("zed", (672, 376), "radtan", "m", 0.12),
 }
 CARRIED = {"concave_640", "ps4eye", "euroc_orbslam", "kitti", "unlook_1456"}

@@ -6,10 +6,11 @@ import json
 import numpy as np
 import pytest
 from calibration_files import refusal, transform, turn, write
-from format_files import depthai, mynt, zed
+from format_files import ZED_TOOL, depthai, mynt, zed, zed_tool
 from rig_numbers import MYNT, OAKD, ZED
 
 from hdl.calibration import load
+from hdl.errors import InputError
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +130,101 @@ class TestZed:
         shapeless = "not of the form KEY=VALUE in a [SECTION]"
         assert refusal(write(zed() + "oops\n")) == f"rig.yml: line 105 = oops: {shapeless}"
         assert refusal(write("fx=1\n" + zed())) == f"rig.yml: line 1 = fx=1: {shapeless}"
+
+    @pytest.mark.parametrize("name, size", [("4k", (3840, 2160)), ("QHDPLUS", (3200, 1800))])
+    def test_sections_of_the_4k_cameras_are_known(self, name, size):
+        sections = {
+            f"{side}_CAM_{name}": ZED[f"{side}_CAM_2K"] | {"cx": str(size[0] / 2), "cy": str(size[1] / 2)}
+            for side in ("LEFT", "RIGHT")
+        }
+        stereo = {f"{axis}_{name}": ZED["STEREO"][f"{axis}_2K"] for axis in ("RX", "CV", "RZ")}
+        path = write(zed(sections | {"STEREO": {"Baseline": "120", **stereo}}))
+        for options in ({}, {"select": name}, {"size": size}):
+            rig = load(path, **options)
+            assert ((rig.width, rig.height), rig.left.K[0, 2]) == (size, size[0] / 2)
+
+    @pytest.mark.parametrize("gone, D", [
+        (("k3",), [-0.17, 0.02, 0.001, 0.002]), (("k3", "p1", "p2"), [-0.17, 0.02, 0, 0]),
+        (("p1", "p2"), [-0.17, 0.02, 0, 0, 0.003]),
+    ])  # fmt: skip
+    def test_first_cameras_lack_coefficients_and_places(self, gone, D):
+        sections = copy.deepcopy(ZED)
+        for side in ("LEFT", "RIGHT"):
+            camera = sections[f"{side}_CAM_HD"]
+            camera |= {"k1": "-0.17", "k2": "0.02", "k3": "0.003", "p1": "0.001", "p2": "0.002"}
+            for key in gone:
+                del camera[key]
+        del sections["STEREO"]["TY"], sections["STEREO"]["TZ"]
+        rig = load(write(zed(sections)), select="HD")
+        assert (rig.left.model, rig.left.D.tolist(), rig.T.tolist()) == ("radtan", D, [-0.12, 0, 0])
+        assert rig.warnings == ()
+
+
+class TestZedDisto:
+    """The lens of all resolutions in sections of its own."""
+
+    EIGHT = dict(zip("k1 k2 p1 p2 k3 k4 k5 k6".split(), "0.3 0.05 2e-4 -1e-4 0.002 0.33 0.09 0.009".split()))
+    FISHEYE = {"k1": "0.02", "k2": "-0.005", "k3": "0.001", "k4": "-0.0002"}
+
+    def read(self, left, right=None, beside=()):
+        """``beside``: the coefficients in the sections of the cameras."""
+        sections = copy.deepcopy(ZED)
+        for camera in (content for name, content in sections.items() if "_CAM_" in name):
+            for key in set(self.EIGHT) & set(camera) - set(beside):
+                del camera[key]
+        return load(write(zed(sections | {"LEFT_DISTO": left, "RIGHT_DISTO": right or left})), select="HD")
+
+    def test_is_that_of_every_resolution(self):
+        rig = self.read(self.EIGHT)
+        assert rig.left.D.tolist() == rig.right.D.tolist() == [0.3, 0.05, 2e-4, -1e-4, 0.002, 0.33, 0.09, 0.009]
+        assert rig.left.model == "rational" and not [line for line in rig.warnings if "DISTO" in line]
+        assert rig.fields["D2"] == ("rig.yml", "RIGHT_DISTO") and rig.fields["K2"] == ("rig.yml", "RIGHT_CAM_HD")
+
+    def test_goes_before_the_one_beside_it_and_it_is_said(self):
+        rig = self.read(self.EIGHT, beside=("k1", "k2", "p1"))
+        assert rig.left.D.size == 8
+        assert rig.warnings[:2] == tuple(
+            f"rig.yml: {side}_DISTO: taken, and not the lens in {side}_CAM_HD, as the SDK does from version 3.5 on"
+            for side in ("LEFT", "RIGHT")
+        )
+
+    @pytest.mark.parametrize("more", [{}, {"p1": "0", "p2": "0"}, dict.fromkeys(("k5", "k6", "p1", "p2"), "0")])
+    def test_with_k1_to_k4_alone_is_of_a_fisheye(self, more):
+        rig = self.read(self.FISHEYE | more, self.FISHEYE | more | {"k1": "0.021"})
+        assert (rig.left.model, rig.right.model) == ("equidistant", "equidistant")
+        assert (rig.left.D.tolist(), rig.right.D[0]) == ([0.02, -0.005, 0.001, -0.0002], 0.021)
+        assert rig.warnings == ()
+
+    @pytest.mark.parametrize("change", [{"k4": "0"}, {"p2": "1e-5"}, {"k6": "0.1"}])
+    def test_with_all_eight_is_of_a_fisheye_only_as_the_sdk_takes_it_for_one(self, change):
+        padded = self.FISHEYE | dict.fromkeys(("k5", "k6", "p1", "p2"), "0") | change
+        assert self.read(padded).left.model in ("radtan", "rational")
+
+    def test_missing_coefficient_is_named(self):
+        gone = {key: value for key, value in self.EIGHT.items() if key != "k5"}
+        with pytest.raises(InputError, match=r"^rig\.yml: LEFT_DISTO\.k5: missing$"):
+            self.read(gone)
+
+
+class TestZedTool:
+    def test_lengths_become_metres_and_r_is_a_vector(self):
+        rig = load(write(zed_tool((960, 600), *ZED_TOOL)))
+        assert rig.T == pytest.approx([-0.11987, 0.00142, -0.00231], abs=1e-15)
+        assert rig.R == pytest.approx(turn(0.0031, -0.0052, 0.0017), abs=1e-15)
+        assert (rig.unit, rig.left.model, rig.right.D[0]) == ("m", "rational", 0.33)
+
+    def test_fisheye_has_fields_of_its_own(self):
+        cameras = [(K, [0.02, -0.005, 0.001, -0.0002]) for K, _ in ZED_TOOL[0]]
+        rig = load(write(zed_tool((960, 600), cameras, *ZED_TOOL[1:], fisheye=True)))
+        assert (rig.left.model, rig.right.model, rig.warnings) == ("equidistant", "equidistant", ())
+
+    @pytest.mark.parametrize("old, new, message", [
+        ("K_RIGHT", "K_WRONG", "K_RIGHT: missing"), ("D_RIGHT", "D_WRONG", "D_RIGHT: missing"),
+        ("960, 600", "960", "Size = 1 values: 2 numbers are needed"),
+        ("0.0031, -0.0052", "31., -0.0052", "R = [31.0, -0.0052, 0.0017]: a rotation vector in rad is needed"),
+    ])  # fmt: skip
+    def test_bad_fields_are_named(self, old, new, message):
+        assert refusal(write(zed_tool((960, 600), *ZED_TOOL).replace(old, new))) == f"rig.yml: {message}"
 
 
 class TestMynt:
