@@ -36,7 +36,7 @@ WIDEST_ANGLE, WIDEST_PLANE = 2.0, 4.0  # rad from the axis, and radius on the no
 
 def camera(K: np.ndarray, D: np.ndarray) -> Camera:
     """A camera whose lens the file has no name for; D.size in COUNTS."""
-    return Camera(polynomial_model(D), K, D, named=False)
+    return Camera(polynomial_model(D[:14]), K, D, named=False)
 
 
 def chosen(rig: Rig, name: str | None) -> Rig:
@@ -48,20 +48,20 @@ def chosen(rig: Rig, name: str | None) -> Rig:
         return rig
     if name not in LENS_MODELS:
         raise InputError("--lens-model", None, name, f"the lens models known are {', '.join(LENS_MODELS)}")
-    left, right = (_of_model(rig, number, rig.camera(side), name) for number, side in enumerate(SIDES, start=1))
+    left, right = (_of_model(rig, side, name) for side in SIDES)
     return replace(rig, left=left, right=right)
 
 
-def _of_model(rig, number, camera, name):
+def _of_model(rig, side, name):
     def refusal(problem):
-        where, field = rig.fields.get(f"D{number}", (rig.source, f"D{number}"))
+        where, field = rig.fields.get(_role("D", side), (rig.source, _role("D", side)))
         return InputError("--lens-model", None, name, f"{where}: {field} {problem}")
 
+    camera, counts = rig.camera(side), LENS_MODELS[name].counts
     if camera.named and camera.model != name and not {camera.model, name} <= set(_POLYNOMIAL):
         raise refusal(f"is of a lens that the file calls {camera.model}")
-    if camera.D.size not in LENS_MODELS[name].counts:
-        accepted = " or ".join(map(str, LENS_MODELS[name].counts))
-        raise refusal(f"has {camera.D.size} coefficients, and such a lens {accepted}")
+    if camera.D.size not in counts:
+        raise refusal(f"has {camera.D.size} coefficients, and such a lens {' or '.join(map(str, counts))}")
     if name in _POLYNOMIAL:
         needed = polynomial_model(camera.D)
         if _POLYNOMIAL.index(needed) > _POLYNOMIAL.index(name):
@@ -76,38 +76,39 @@ def guessed(rig: Rig) -> Rig:
     Only four coefficients are doubtful. Other counts are warned of where ``rig.fields`` has a role "model1" or "model2"
     for an entry that should have named the lens.
     """
-    unnamed = [number for number, side in enumerate(SIDES, start=1) if not rig.camera(side).named]
-    if doubtful := [number for number in unnamed if rig.camera(SIDES[number - 1]).D.size == 4]:
-        model, reason = _guess(rig, [number - 1 for number in doubtful])
+    unnamed = [side for side in SIDES if not rig.camera(side).named]
+    if doubtful := [side for side in unnamed if rig.camera(side).D.size == 4]:
+        model, reason = _guess(rig, doubtful)
         other = "radtan" if model == "equidistant" else "equidistant"
         problem = (
             f"four coefficients and no name of the lens: taken for {model} ({_MEANING[model]}), as {reason}; "
             f"--lens-model {other} if they are {_MEANING[other]}"
         )
-        for number in doubtful:
-            side = SIDES[number - 1]
-            rig = replace(rig, **{side: replace(rig.camera(side), model=model)})
-        return rig.warned(f"D{doubtful[0]}", rig.camera(SIDES[doubtful[0] - 1]).D, problem)
-    for number in unnamed:
-        if f"model{number}" in rig.fields:
-            camera = rig.camera(SIDES[number - 1])
+        rig = replace(rig, **{side: replace(rig.camera(side), model=model) for side in doubtful})
+        return rig.warned(_role("D", doubtful[0]), rig.camera(doubtful[0]).D, problem)
+    for side in unnamed:
+        if _role("model", side) in rig.fields:
+            camera = rig.camera(side)
             problem = (
                 f"missing: taken for {camera.model} (plumb_bob and its extensions) by its {camera.D.size} "
                 "coefficients; --lens-model settles it"
             )
-            return rig.warned(f"model{number}", None, problem)
+            return rig.warned(_role("model", side), None, problem)
     return rig
 
 
+def _role(field, side):
+    return f"{field}{1 + SIDES.index(side)}"
+
+
 def _guess(rig, doubtful):
-    """The model, and why, of the cameras with the indices ``doubtful``."""
-    cameras = rig.left, rig.right
-    for index in {0, 1} - set(doubtful):
-        model = "equidistant" if cameras[index].model == "equidistant" else "radtan"
-        return model, f"the lens of the {SIDES[index]} camera is one"
+    """The model, and why, of the cameras of the sides ``doubtful``."""
+    for side in set(SIDES) - set(doubtful):
+        model = "equidistant" if rig.camera(side).model == "equidistant" else "radtan"
+        return model, f"the lens of the {side} camera is one"
     with np.errstate(all="ignore"):
         return _by_rectification(rig) or _by_numbers(
-            [camera.D for camera in cameras], [_reach(rig, c) for c in cameras]
+            [rig.camera(side).D for side in SIDES], [_reach(rig, rig.camera(side)) for side in SIDES]
         )
 
 
