@@ -15,7 +15,7 @@ from hdl.errors import InputError
 from hdl.lens import LENS_MODELS
 from hdl.lens.polynomial import MODELS as POLYNOMIAL
 
-# How many coefficients a lens without a name may have; checks.check refuses what no option made sense of.
+# How many coefficients a lens without a name may have, of some model; checks.check refuses what no option makes one of.
 COUNTS = tuple(sorted({count for model in LENS_MODELS.values() for count in model.counts}))
 
 _POLYNOMIAL = [model.name for model in POLYNOMIAL]  # ever more terms in use
