@@ -23,7 +23,6 @@ from hdl.calibration import (
     kitti,
     matlab,
     mynt,
-    omnidirectional,
     opencv,
     orbslam,
     orbslam3,
@@ -138,7 +137,6 @@ def _format(documents):
     for document in documents:
         name = next((candidate.NAME for candidate in FORMATS if candidate.recognises(document)), None)
         if name is None:
-            omnidirectional.refuse(document)
             problem = f"not a stereo calibration in a known format: {_known()}"
             raise InputError(document.name, None, None, problem)
         groups.setdefault(name, []).append(document)

@@ -7,6 +7,7 @@ import numpy as np
 from hdl import files
 from hdl.calibration.rig import Rig
 from hdl.errors import InputError
+from hdl.lens import polynomial
 
 SUFFIXES = (".yml", ".yaml")
 
@@ -24,8 +25,11 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     ------
     InputError
         For a rig whose two cameras have lenses of different kinds, which such a file has no field for.
+
+    Lenses that OpenCV does not know have their name in the field model, and are read by this project alone.
     """
-    if (rig.left.model == "equidistant") != (rig.right.model == "equidistant"):
+    kinds = {"polynomial" if model in polynomial.NAMES else model for model in (rig.left.model, rig.right.model)}
+    if len(kinds) > 1:
         models = f"{rig.left.model}, {rig.right.model}"
         raise InputError(rig.source, "lens models", models, "OpenCV's format holds one kind for both cameras")
     lines = ["%YAML:1.0", "---", f"image_width: {rig.width}", f"image_height: {rig.height}", f"model: {rig.left.model}"]

@@ -7,12 +7,10 @@ Source: EuRoC MAV dataset (Burri et al., IJRR 2016), cam0/sensor.yaml.
 
 import re
 
-import numpy as np
-
-from hdl.calibration import lenses, motion
+from hdl.calibration import asl, motion
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
-from hdl.calibration.rig import Camera, Rig
+from hdl.calibration.rig import Rig
 from hdl.calibration.suspicions import left_first
 from hdl.errors import InputError
 
@@ -21,6 +19,7 @@ TITLE = "EuRoC/ASL sensor.yaml (pair)"
 SEVERAL_FILES = True
 SELECT = None
 
+_COEFFICIENTS = "distortion_coefficients"
 _TRAITS = [re.compile(rf"^{field}[ \t]*:", re.MULTILINE) for field in ("T_BS", "intrinsics")]
 
 
@@ -31,8 +30,7 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
     """The rig in two ``documents``, in any order.
 
-    Raises InputError for a missing field, a wrong shape, different sizes, and lenses that are neither
-    radial-tangential nor equidistant.
+    Raises InputError for a missing field, a wrong shape, different sizes, and lenses that are not known.
     """
     source = ", ".join(document.name for document in documents)
     if len(documents) != 2:
@@ -44,19 +42,8 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     R, T = motion.between(*(motion.inverse(fields.transform("T_BS")) for fields in (first, second)))
     roles = {"size": (first.where, "resolution")}
     for number, fields in (("1", first), ("2", second)):
-        roles["K" + number] = fields.where, "intrinsics"
-        roles["D" + number] = fields.where, "distortion_coefficients"
+        roles |= asl.roles(fields, number, _COEFFICIENTS)
     roles |= dict.fromkeys("RT", (second.where, "T_BS"))
-    rig = Rig(source, width, height, _camera(first), _camera(second), R, T, unit="m", fields=roles)
+    cameras = (asl.camera(fields, _COEFFICIENTS) for fields in (first, second))
+    rig = Rig(source, width, height, *cameras, R, T, unit="m", fields=roles)
     return left_first(rig)
-
-
-def _camera(fields):
-    model = fields.get("camera_model")
-    lenses.refuse_omnidirectional(fields.where, "camera_model", model)
-    if model != "pinhole":
-        raise fields.fault("camera_model", model, "only pinhole can be rectified")
-    fu, fv, cu, cv = fields.vector("intrinsics", (4,))
-    D = fields.vector("distortion_coefficients", (0, 4, 5))
-    lens = lenses.model(fields.where, "distortion_model", fields.get("distortion_model"), D)
-    return Camera(lens, np.array([[fu, 0, cu], [0, fv, cv], [0, 0, 1]]), D)

@@ -9,10 +9,10 @@ import re
 
 import numpy as np
 
-from hdl.calibration import lenses, motion
+from hdl.calibration import asl, motion
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
-from hdl.calibration.rig import Camera, Rig
+from hdl.calibration.rig import Rig
 from hdl.calibration.selection import pair
 from hdl.calibration.suspicions import left_first
 from hdl.errors import InputError
@@ -23,6 +23,7 @@ SEVERAL_FILES = False
 SELECT = "two cameras, left first, as in cam0,cam1"
 
 _TRAITS = re.compile(r"^cam[0-9]+[ \t]*:", re.MULTILINE), re.compile(r"^[ \t]+intrinsics[ \t]*:", re.MULTILINE)
+_COEFFICIENTS = "distortion_coeffs"
 _AGREEMENT = 1e-3  # rad and m, of T_cn_cnm1 with the way over the IMU
 
 
@@ -34,7 +35,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     """The rig of two cameras of the chain in one document: those of ``select``, otherwise cam0 and cam1, the left one
     being called left.
 
-    Raises InputError for a missing field, a lens that is not radtan or equidistant, and cameras without connection.
+    Raises InputError for a missing field, a lens that is not known, and cameras without connection.
     """
     (document,) = documents
     chain = Fields(document.name, document.yaml)
@@ -42,12 +43,12 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     if len(cameras) < 2:
         raise InputError(document.name, None, None, "two cameras are needed, cam0 and cam1")
     left, right = pair(select, cameras) if select is not None else cameras[:2]
-    (width, height), left_camera, right_camera = _size(chain, left, right), _camera(chain, left), _camera(chain, right)
+    width, height = _size(chain, left, right)
+    left_camera, right_camera = (asl.camera(chain.child(name), _COEFFICIENTS) for name in (left, right))
     (R, T), spelling = _motion(chain, cameras, left, right)
     fields = {"size": (document.name, f"{left}.resolution")}
     for number, name in (("1", left), ("2", right)):
-        fields["K" + number] = document.name, f"{name}.intrinsics"
-        fields["D" + number] = document.name, f"{name}.distortion_coeffs"
+        fields |= asl.roles(chain.child(name), number, _COEFFICIENTS)
     fields |= dict.fromkeys("RT", (document.name, spelling))
     rig = Rig(document.name, width, height, left_camera, right_camera, R, T, unit="m", fields=fields)
     rig = _warned_of_contradiction(rig, chain, left, right, spelling)
@@ -59,18 +60,6 @@ def _size(chain, left, right):
     if size != other:
         raise chain.fault(f"{right}.resolution", list(other), f"not that of {left}, {list(size)}")
     return size
-
-
-def _camera(chain, name):
-    fields = chain.child(name)
-    model = fields.get("camera_model")
-    lenses.refuse_omnidirectional(fields.where, fields.name("camera_model"), model)
-    if model != "pinhole":
-        raise fields.fault("camera_model", model, "only pinhole can be rectified")
-    fu, fv, pu, pv = fields.vector("intrinsics", (4,))
-    D = fields.vector("distortion_coeffs", (0, 4, 5))
-    lens = lenses.model(fields.where, fields.name("distortion_model"), fields.get("distortion_model"), D)
-    return Camera(lens, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1]]), D)
 
 
 def _motion(chain, cameras, left, right):

@@ -2,48 +2,54 @@
 
 import numpy as np
 
-from hdl.calibration.rig import polynomial_model
+from hdl.calibration.rig import Camera, polynomial_model
 from hdl.errors import InputError
+from hdl.lens import LENS_MODELS, scaramuzza
 
-POLYNOMIAL = ("radtan", "radial-tangential", "plumb_bob", "rational", "rational_polynomial", "thin_prism", "tilted")
-EQUIDISTANT = ("equidistant", "fisheye")
-UNDISTORTED = "none"
-
-OMNIDIRECTIONAL = {
-    "mei": "Mei's omnidirectional model",
-    "omni": "Mei's omnidirectional model",
-    "omnidir": "Mei's omnidirectional model",
-    "omnidirectional": "Mei's omnidirectional model",
-    "ucm": "the unified omnidirectional model",
-    "unified": "the unified omnidirectional model",
-    "eucm": "the extended unified omnidirectional model",
-    "ds": "the double sphere model",
-    "double_sphere": "the double sphere model",
-    "ocam": "Scaramuzza's omnidirectional model",
-    "scaramuzza": "Scaramuzza's omnidirectional model",
+# Written small; dashes, underscores, and "pinhole-" before them, make no difference.
+_SPELLINGS = {
+    "radtan": "radtan radtan4 radtan5 radtan8 radialtangential radialtangential8 plumbbob rational rationalpolynomial "
+    "thinprism tilted",
+    "equidistant": "equidistant equi fisheye kannalabrandt kannalabrandt4 kannalabrandt8 kb4",
+    "double_sphere": "doublesphere ds",
+    "eucm": "eucm ucm",
+    "mei": "mei omni omnidir omnidirectional unified",
+    "fov": "fov atan",
+    "scaramuzza": "scaramuzza ocam",
 }
+_MODELS = {spelling: model for model, spellings in _SPELLINGS.items() for spelling in spellings.split()}
+_UNDISTORTED = "none", "pinhole"
 
 
 def model(where: str, field: str, name, D: np.ndarray) -> str:
     """The model of :class:`Camera` for the lens that a file calls ``name`` and gives the coefficients ``D`` of.
 
-    Raises InputError, with the reason, for models that are unknown or omnidirectional.
+    ``D`` has the order of the model's coefficients in `hdl.lens`: xi, alpha and beta, which files have among the
+    intrinsics, belong in it. Basalt's ucm is an eucm with the beta 1.
+
+    Raises InputError for models that are unknown.
     """
-    refuse_omnidirectional(where, field, name)
-    key = name.lower() if isinstance(name, str) else name
-    if key in EQUIDISTANT:
-        return "equidistant"
-    if key in POLYNOMIAL or (key == UNDISTORTED and not D.any()):
+    key = name.lower().replace("-", "").replace("_", "") if isinstance(name, str) else None
+    if key in _UNDISTORTED and not D.any():
         return polynomial_model(D)
-    raise InputError(where, field, name, f"the lens models known are {', '.join(POLYNOMIAL + EQUIDISTANT)}")
+    found = _MODELS.get(key and key.removeprefix("pinhole"))
+    if found is None:
+        raise InputError(where, field, name, f"the lens models known are {', '.join(LENS_MODELS)}")
+    return polynomial_model(D) if found == "radtan" else found
 
 
-def refuse_omnidirectional(where: str, field: str, name) -> None:
-    """Raises InputError if ``name`` is that of an omnidirectional lens model."""
-    described = OMNIDIRECTIONAL.get(name.lower()) if isinstance(name, str) else None
-    if described:
-        problem = (
-            f"{described} is not supported: it is made for views beyond 180 degrees, which no flat rectified image can "
-            "hold; calibrate anew as pinhole with radtan or equidistant"
-        )
-        raise InputError(where, field, name, problem)
+def scaramuzza_camera(inverse, affine, centre) -> Camera:
+    """The camera of Scaramuzza's polynomial.
+
+    Parameters
+    ----------
+    inverse : (n,)
+        OCamCalib's inverse polynomial, px, lowest order first.
+    affine : (c, d, e)
+        u = c x + d y + centre[0], v = e x + y + centre[1], as camodocal has it.
+    centre : (2,)
+        px.
+    """
+    D = np.array([*affine, *inverse], dtype=np.float64)
+    f = scaramuzza.focal_length(D)
+    return Camera("scaramuzza", np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]]), D)

@@ -11,6 +11,8 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
+
 from hdl.calibration import checks, lenses, motion, unnamed_lens
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import SIDES, Camera, Rig, unless_faulty
@@ -22,10 +24,10 @@ SEVERAL_FILES = True
 SELECT = None
 
 SPELLINGS = {
-    "K1": ("M1", "K1", "camera_matrix_left"),
-    "D1": ("D1", "dist_coeffs_left", "distortion_coeffs_left"),
-    "K2": ("M2", "K2", "camera_matrix_right"),
-    "D2": ("D2", "dist_coeffs_right", "distortion_coeffs_right"),
+    "K1": ("M1", "K1", "camera_matrix_left", "camera_matrix_1"),
+    "D1": ("D1", "dist_coeffs_left", "distortion_coeffs_left", "distortion_coefficients_1"),
+    "K2": ("M2", "K2", "camera_matrix_right", "camera_matrix_2"),
+    "D2": ("D2", "dist_coeffs_right", "distortion_coeffs_right", "distortion_coefficients_2"),
     "R": ("R", "rotation_matrix"),
     "T": ("T", "translation_vector"),
     "R1": ("R1", "rectification_transform_left"),
@@ -36,7 +38,10 @@ SPELLINGS = {
     "model": ("model", "distortion_model"),
     "fisheye": ("fisheye_model",),  # 0 or 1, as OpenCV's camera_calibration sample writes it
     "unit": ("unit",),  # as this project writes it
-    "xi": ("xi", "xi1", "xi_left"),  # cv::omnidir
+    "xi1": ("xi1", "XI1", "xi_1", "xi_left"),  # cv::omnidir, and its omni_stereo_calibration sample
+    "xi2": ("xi2", "XI2", "xi_2", "xi_right"),
+    "xi": ("xi", "XI"),
+    "motion": ("extrinsic_parameters",),  # of that sample: rotation vector and T
 }
 SIZE_PAIRS = (
     ("image_width", "image_height"),
@@ -68,10 +73,8 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     Raises InputError for a field that is missing, given twice with different values, or not of its shape.
     """
     storage = _Storage(documents)
-    if found := storage.find("xi"):
-        lenses.refuse_omnidirectional(found[0], found[1], "omnidir")
     left, right = (storage.camera(number) for number in "12")
-    R, T = storage.rotation(), storage.vector("T", (3,))
+    R, T = storage.pose()
     rectification, fault = unless_faulty(storage.rectification)
     width, height = storage.size(size)
     unit = storage.find("unit")
@@ -151,6 +154,10 @@ class _Storage:
     def camera(self, number):
         """The left camera by "1", the right one by "2"."""
         K, D = self.matrix("K" + number, 3, 3), self.vector("D" + number, unnamed_lens.COUNTS)
+        if found := self.find("xi"):
+            raise InputError(*found, "of which camera? an omnidirectional pair has xi1 and xi2")
+        if self.find("xi1") or self.find("xi2"):
+            return Camera("mei", K, np.concatenate([self.number("xi" + number), D]))
         stated, fisheye = self.find("model"), self.find("fisheye")
         if fisheye and fisheye[2] not in (0, 1):
             raise InputError(*fisheye, "0 or 1 is needed")
@@ -159,6 +166,21 @@ class _Storage:
         if stated:
             return Camera(lenses.model(*stated, D), K, D)
         return replace(unnamed_lens.camera(K, D), named=bool(fisheye))
+
+    def number(self, role):
+        """float64 of shape (1,), from a number or a matrix of one."""
+        found = self.find(role)
+        if found and checks.is_number(found[2]):
+            return checks.array(*found[:2], [found[2]], (1,))
+        return self.vector(role, (1,))
+
+    def pose(self):
+        """R (3, 3) and T (3,)."""
+        if found := self.find("motion"):
+            both = self.vector("motion", (6,))
+            self.fields |= dict.fromkeys("RT", self.fields["motion"])
+            return motion.of_vector(*found[:2], both[:3]), both[3:]
+        return self.rotation(), self.vector("T", (3,))
 
     def rotation(self):
         """R (3, 3), from a matrix or a rotation vector."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hdl.errors import InputError
+from hdl.lens import LENS_MODELS
 
 SIDES = ("left", "right")
 
@@ -17,12 +18,13 @@ class Camera:
     Members
     -------
     model : str
-        "radtan", "rational", "thin_prism", "tilted" (OpenCV's polynomial model, ever more of its terms in use) or
-        "equidistant" (Kannala-Brandt, OpenCV's fisheye module).
+        "radtan", "rational", "thin_prism", "tilted" (OpenCV's polynomial model, ever more of its terms in use),
+        "equidistant" (Kannala-Brandt, OpenCV's fisheye module), or another one of `hdl.lens.LENS_MODELS`.
     K : (3, 3) float64
         Camera matrix, px, pixel centres at integers. Upper triangular; K[0, 1] is the skew.
     D : (n,) float64
-        Lens coefficients in OpenCV's order, as the file has them: n = 0, 4, 5, 8, 12 or 14; 4 for "equidistant".
+        Lens coefficients in the order of the model; for the first four in OpenCV's, as many as the file has: n = 0, 4,
+        5, 8, 12 or 14.
     named : bool
         Whether the file, or its format, says which lens it is; otherwise see `hdl.calibration.unnamed_lens`.
     """
@@ -31,6 +33,12 @@ class Camera:
     K: np.ndarray
     D: np.ndarray
     named: bool = True
+
+    @property
+    def pinhole(self) -> np.ndarray:
+        """(3, 3) float64: K of the camera without its lens, which shows the same next to the optical axis."""
+        magnification = LENS_MODELS[self.model].magnification(self.D)
+        return self.K @ np.diag([magnification, magnification, 1.0])
 
 
 @dataclass(frozen=True, eq=False)

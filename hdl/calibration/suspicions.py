@@ -7,6 +7,7 @@ import numpy as np
 
 from hdl.calibration.checks import half_rotation, nearest_rotation
 from hdl.calibration.rig import SIDES, Rig
+from hdl.lens import LENS_MODELS
 
 FARTHEST_CENTRE = 1 / 16  # of the image size; the rigs at hand reach 1/21
 LARGEST_TANGENTIAL = 0.05  # p1 and p2; the rigs at hand reach 0.012
@@ -132,8 +133,11 @@ def _aspects(rig):
 def _tangentials(rig):
     for number, side in enumerate(SIDES, start=1):
         camera = rig.camera(side)
-        if camera.model != "equidistant" and np.abs(camera.D[2:4]).max(initial=0) > LARGEST_TANGENTIAL:
-            problem = "large tangential terms: OpenCV's order k1, k2, p1, p2, k3 is meant"
+        names = LENS_MODELS[camera.model].coefficients
+        tangential = [abs(value) for name, value in zip(names, camera.D) if name in ("p1", "p2")]
+        if max(tangential, default=0) > LARGEST_TANGENTIAL:
+            order = ", ".join(names[:5])
+            problem = f"large tangential terms: OpenCV's order {order} is meant"
             rig = rig.warned(f"D{number}", camera.D, problem)
     return rig
 

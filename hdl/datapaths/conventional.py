@@ -10,6 +10,7 @@ from hdl.arithmetic.fixedpoint import Q
 from hdl.arithmetic.pipeline import scaled
 from hdl.datapaths.conventional_lens import ConventionalLens
 from hdl.datapaths.projective import Projective, connect_divider
+from hdl.lens import polynomial
 
 PRODUCT_STAGES = 2
 
@@ -40,7 +41,7 @@ class Conventional(Projective):
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        if view.lens and view.camera.D.any():
+        if view.lens and (view.camera.D.any() or view.camera.model not in polynomial.NAMES):
             return ConventionalLens.fit(view, fraction_bits, max_error, pinhole=cls)
         return super().fit(view, fraction_bits, max_error)
 

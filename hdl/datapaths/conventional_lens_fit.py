@@ -12,6 +12,7 @@ from hdl.datapaths.base import check_budget, default_budget
 from hdl.datapaths.projective import quantised
 from hdl.datapaths.word_lengths import shortest
 from hdl.errors import BudgetError
+from hdl.lens import polynomial
 
 # Precision of the most precise candidate: how many fraction bits, px, the error of each word length alone leaves.
 MOST_PRECISION = 14
@@ -299,11 +300,11 @@ def fixed(value, fraction_bits):
 
 def _coefficients(view):
     """k1, k2, p1, p2, k3, k4, k5, k6; raises InputError for a lens that has more, or others."""
-    D = np.pad(view.camera.D, (0, 14 - view.camera.D.size))
-    if view.camera.model == "equidistant" or D[8:].any():
+    D = view.camera.D
+    if view.camera.model not in polynomial.NAMES or D[8:].any():
         problem = "conventional computes radial-tangential and rational lenses alone; spline takes every lens"
         raise view.fault(_field(view), view.camera.model, problem)
-    return D[:8]
+    return np.pad(D[:8], (0, max(0, 8 - D.size)))
 
 
 def _field(view):

@@ -27,7 +27,8 @@ class RectificationOptions:
     ----------
     alpha : float
         As cv2.stereoRectify's: 0 shows no pixel without a source, 1 loses no source pixel. It is a choice of the focal
-        length, which equidistant cameras do not have; 0 where nothing else chooses it.
+        length, which cameras with a lens that cv2.stereoRectify does not know do not have; 0 where nothing else
+        chooses it.
     focal : float
         Focal length of both rectified views, px.
     fov : float
@@ -81,8 +82,9 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
 
     The rectification is the file's own where there is one and ``options`` choose nothing. Otherwise it is
     cv2.stereoRectify's with CALIB_ZERO_DISPARITY, computed with the lens even if the map is without it: cores with and
-    without lens then share R and P. Equidistant cameras keep the source's focal length and have their principal point
-    in the middle of the frame, unless options say otherwise. ``minimise`` alone, on a file with a rectification, starts
+    without lens then share R and P. Cameras with a lens that cv2.stereoRectify does not know, fisheyes for the most
+    part, keep the source's focal length next to the optical axis and have their principal point in the middle of the
+    frame, unless options say otherwise. ``minimise`` alone, on a file with a rectification, starts
     from that, and its result depends on ``lens``.
 
     Raises
@@ -142,7 +144,8 @@ def _computed(rig, options):
     elif options.alpha is None:
         R1, R2, P1, P2 = _without_alpha(rig)
     else:
-        raise InputError("--alpha", None, alpha, "an equidistant lens has none; choose --focal or --fov")
+        model = next(camera.model for camera in (rig.left, rig.right) if LENS_MODELS[camera.model].is_fisheye)
+        raise InputError("--alpha", None, alpha, f"a lens of model {model} has none; choose --focal or --fov")
     if rig.rectification:
         R1 = R2 @ rig.R  # of such a rig R has the errors that rounding left in R1 and R2 of the file
     if not chosen:
@@ -263,7 +266,7 @@ def _border_inside(view):
 
 
 def _source_focal_length(rig):
-    return np.mean([camera.K[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
+    return np.mean([camera.pinhole[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
 
 
 def _stereo_rectify(rig, D1, D2, alpha):

@@ -74,8 +74,10 @@ class View:
 
     @property
     def homography(self) -> np.ndarray:
-        """(3, 3) float64: C = K R^T P^-1, which takes (xr, yr, 1) to (x, y, z) with u = x/z, v = y/z (Eq. 1-3)."""
-        return self.camera.K @ self.ray
+        """(3, 3) float64: C = K R^T P^-1, which takes (xr, yr, 1) to (x, y, z) with u = x/z, v = y/z (Eq. 1-3).
+
+        K is that of the camera without its lens."""
+        return self.camera.pinhole @ self.ray
 
     def project(self, xr, yr) -> tuple[np.ndarray, np.ndarray]:
         """Source coordinates (u, v), px, float64, of rectified pixels; xr and yr of any shapes that broadcast."""
@@ -99,7 +101,7 @@ class View:
         """Source coordinates (u, v), px, read-only float64 arrays of shape (height, width). Computed once.
 
         Raises InputError if no pixel of the rectified image comes from inside the source image, or if one comes from
-        farther out than any core can address.
+        farther out than any core can address or along a ray that the lens model is not defined for.
         """
         return self._map
 
@@ -120,6 +122,11 @@ class View:
 
         with ThreadPoolExecutor() as pool:
             parts = list(pool.map(fill, range(0, self.height, step)))
+        if any(np.isnan(farthest) for _, farthest in parts):
+            raise self._refusal(
+                f"the rectified {self.side} frame shows rays that the lens model {self.camera.model} is not defined "
+                "for; a larger --focal or a smaller --fov leaves them out"
+            )
         if not all(farthest <= FARTHEST for _, farthest in parts):
             raise self._refusal(f"the map of the {self.side} camera leads to infinity")
         if not any(inside for inside, _ in parts):

@@ -1,7 +1,7 @@
 """What a lens model is."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,9 +20,16 @@ class LensModel:
         How many of them a calibration may give; those that are left out are zero.
     distort : callable
         x, y, D to new x, y: where the lens puts points of the normalised plane (z = 1), float64 arrays of one shape.
-        Far outside the image what comes out may be infinite or NaN.
+        Far outside the image what comes out may be infinite or NaN; beyond the rays that the model is defined for it
+        is NaN.
     is_fisheye : bool
-        Made for fields of view so wide that a rectification which shows all of the source may show next to nothing.
+        Not one of those that cv2.stereoRectify knows, and mostly made for fields of view so wide that a rectification
+        which shows all of the source would show next to nothing: the rectified focal length is chosen instead.
+    magnification : callable
+        D to how much larger than K says the image is next to the optical axis: distort is about (x, y) times this
+        there.
+    limits : mapping of coefficient to (float, float)
+        What coefficients may be, both ends included, where not every number is a lens.
     """
 
     name: str
@@ -30,3 +37,5 @@ class LensModel:
     counts: tuple[int, ...]
     distort: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
     is_fisheye: bool = False
+    magnification: Callable[[np.ndarray], float] = lambda D: 1.0
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -9,6 +9,7 @@ from hdl.lens.base import LensModel
 
 COEFFICIENTS = tuple("k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split())
 COUNTS = (0, 4, 5, 8, 12, 14)
+NAMES = ("radtan", "rational", "thin_prism", "tilted")  # the same formula, ever more of its terms in use
 
 
 def distort(x, y, D):
@@ -51,7 +52,4 @@ def _tilt(tau_x, tau_y):
     return np.array([[turn[2, 2], 0, -turn[0, 2]], [0, turn[2, 2], -turn[1, 2]], [0, 0, 1]]) @ turn
 
 
-# The same formula, ever more of its terms in use.
-MODELS = tuple(
-    LensModel(name, COEFFICIENTS, COUNTS, distort) for name in ("radtan", "rational", "thin_prism", "tilted")
-)
+MODELS = tuple(LensModel(name, COEFFICIENTS, COUNTS, distort) for name in NAMES)

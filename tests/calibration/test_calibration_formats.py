@@ -122,15 +122,3 @@ class TestFolders:
 def write_in(path, content):
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     return write(content, path)
-
-
-@pytest.mark.parametrize("text, field, model", [
-    ("%YAML:1.0\n---\nmodel_type: MEI\ncamera_name: cam0\nmirror_parameters:\n   xi: 2.1\n", "model_type", "MEI"),
-    ("%YAML:1.0\n---\nmodel_type: SCARAMUZZA\n", "model_type", "SCARAMUZZA"),
-    ('{"value0": {"intrinsics": [\n{\n"camera_type": "ds",\n"intrinsics": {}}]}}', "camera_type", "ds"),
-    (as_yaml(RIG | {"xi": 1.2}), "xi", "omnidir"),
-])  # fmt: skip
-def test_omnidirectional_lenses_are_refused_by_name_in_other_formats(text, field, model):
-    message = refusal(write(text))
-    assert message.startswith(f"rig.yml: {field} = {model}: ")
-    assert "is not supported: it is made for views beyond 180 degrees" in message

@@ -54,11 +54,8 @@ def folder_of_its_own(tmp_path, monkeypatch):
         ({"D1": (2, 2, NINE[:4])}, f"D1 = 2x2: {COUNTS} numbers in one row or column are needed"),
         ({"D2": (1, 4, ["0.", "-.Inf", "0.", "0."])}, "D2.data[1] = -inf: not a finite number"),
         ({"model": "equidistant"}, "D1 = 5 coefficients: a lens of model equidistant has 4"),
-        ({"model": "ftheta"}, "model = ftheta: the lens models known are radtan, radial-tangential, plumb_bob, "
-                              "rational, rational_polynomial, thin_prism, tilted, equidistant, fisheye"),
-        ({"model": "mei"}, "model = mei: Mei's omnidirectional model is not supported: it is made for views beyond "
-                           "180 degrees, which no flat rectified image can hold; calibrate anew as pinhole with radtan "
-                           "or equidistant"),
+        ({"model": "ftheta"}, "model = ftheta: the lens models known are radtan, rational, thin_prism, tilted, "
+                              "equidistant, double_sphere, eucm, mei, fov, scaramuzza"),
         ({"fisheye_model": "yes"}, "fisheye_model = yes: 0 or 1 is needed"),
         ({"R": (3, 3, ["1.1", *EYE[1:]])}, "R = [[1.1, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]: "
                                           "not a rotation: R^T R differs from the identity by 0.21"),

@@ -290,7 +290,7 @@ def test_options_outside_their_range_are_refused(options, message):
 @pytest.mark.parametrize(
     "name, options, message",
     [
-        ("fisheye", {"alpha": 0.5}, "--alpha: 0.5: an equidistant lens has none; choose --focal or --fov"),
+        ("fisheye", {"alpha": 0.5}, "--alpha: 0.5: a lens of model equidistant has none; choose --focal or --fov"),
         ("radtan", {"center": (160.0, 6.0)}, "--center: x = 160.0: the principal point lies outside the 160x120 frame"),
         ("radtan", {"center": (80.0, -1.0)}, "--center: y = -1.0: the principal point lies outside the 160x120 frame"),
         ("radtan", {"focal": 2.0}, "--focal: 2.0: a focal length of 2 px suits no 160x120 frame"),
