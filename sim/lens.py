@@ -5,6 +5,9 @@ images; so the standard model is written out a second time, with its derivatives
 """
 
 import numpy as np
+from numpy.polynomial import Polynomial
+
+from sim.lens_models import LENS_MODELS, pinhole_matrix, polar_rays
 
 _CHUNK = 1 << 14  # points at a time, so that the temporaries stay in the cache
 _STEPS = 4  # from the principal point out to a pixel, when no start is known
@@ -30,11 +33,17 @@ def unproject(camera, points, lens, start=None):
         gets there. The positions of the others agree to 1e-9 px. Rays of a fisheye may point backwards.
     """
     points = np.asarray(points, np.float64)
-    K = np.asarray(camera.K, np.float64)
+    K = np.asarray(camera.K, np.float64) if lens else pinhole_matrix(camera)
     coefficients = np.asarray(camera.D, np.float64).reshape(-1)
     plane = np.linalg.solve(K[:2, :2], (points.reshape(-1, 2) - K[:2, 2]).T).T
     if lens and camera.model == "equidistant":
         rays = _equidistant_rays(coefficients, plane)
+    elif lens and camera.model in LENS_MODELS:
+        if camera.model == "mei":
+            sphere = LENS_MODELS["mei"].project  # without coefficients but xi
+            known = None if start is None else sphere(coefficients[:1], np.reshape(start, (-1, 3)))
+            plane = _undistorted(coefficients[1:], plane, known)
+        rays = LENS_MODELS[camera.model].rays(coefficients, plane)
     else:
         if lens:
             known = None if start is None else (start[..., :2] / start[..., 2:]).reshape(-1, 2)
@@ -143,16 +152,7 @@ def _untilted(tau_x, tau_y, plane):
 
 
 def _equidistant_rays(coefficients, plane):
-    """Rays for r = theta (1 + k1 theta^2 + k2 theta^4 + ...), theta up to its first maximum or 180 degrees."""
+    """Rays for r = theta (1 + k1 theta^2 + k2 theta^4 + ...)."""
     terms = np.zeros(2 * coefficients.size + 2)
     terms[1], terms[3::2] = 1, coefficients
-    polynomial = np.polynomial.Polynomial(terms)
-    slope = polynomial.deriv()
-    turns = [root.real for root in slope.roots() if abs(root.imag) < 1e-9 and 0 < root.real < np.pi]
-    angles = np.linspace(0, min(turns, default=np.pi), 1024)
-    radius = np.hypot(plane[:, 0], plane[:, 1])
-    theta = np.interp(radius, polynomial(angles), angles, right=np.nan)
-    for _ in range(3):
-        theta = theta - (polynomial(theta) - radius) / slope(theta)
-    direction = plane / np.where(radius > 0, radius, 1)[:, None]
-    return np.column_stack([np.sin(theta)[:, None] * direction, np.cos(theta)])
+    return polar_rays(Polynomial(terms), plane)

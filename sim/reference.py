@@ -1,12 +1,15 @@
 """Float64 reference for coordinates, independent of ``hdl``.
 
-The lens comes from OpenCV (projectPoints), the equations from the paper as printed, with its misprints corrected.
+The lens comes from OpenCV (projectPoints) or, where it has none, from `sim.lens_models`; the equations come from the
+paper as printed, with its misprints corrected.
 A ``camera`` is anything with ``model``, ``K`` and ``D``; a ``view`` anything with ``camera``, ``R``, ``P``, ``width``,
 ``height`` and ``lens``, such as ``hdl.geometry.rectification.View``.
 """
 
 import cv2
 import numpy as np
+
+from sim.lens_models import LENS_MODELS, pinhole_matrix
 
 
 def project(camera, points, lens):
@@ -15,11 +18,13 @@ def project(camera, points, lens):
     Parameters
     ----------
     camera
-        ``model`` "equidistant" is OpenCV's fisheye model, any other name its standard one; ``K`` may have skew.
+        ``model`` "equidistant" is OpenCV's fisheye model, those of `sim.lens_models` are theirs, any other name is
+        OpenCV's standard one; ``K`` may have skew.
     points : (..., 3)
         In the camera's frame, any unit.
     lens : bool
-        False leaves ``D`` out: the plain pinhole with the camera's ``K``, whatever the model.
+        False leaves ``D`` out: the plain pinhole that shows the same next to the optical axis, which has the camera's
+        ``K`` but for the models that magnify there.
 
     Returns
     -------
@@ -33,7 +38,8 @@ def project(camera, points, lens):
     if front.any():
         plane[front] = _distorted(camera, flat[front], lens)
     # OpenCV's standard model ignores the skew of K, so the lens is asked for with K = I and K is applied here.
-    pixels = plane @ np.asarray(camera.K, np.float64)[:2, :2].T + np.asarray(camera.K, np.float64)[:2, 2]
+    K = np.asarray(camera.K, np.float64) if lens else pinhole_matrix(camera)
+    pixels = plane @ K[:2, :2].T + K[:2, 2]
     return pixels.reshape(points.shape[:-1] + (2,))
 
 
@@ -96,6 +102,8 @@ def _distorted(camera, points, lens):
     if not lens:
         return points[:, :2] / points[:, 2:]
     coefficients = np.asarray(camera.D, np.float64).reshape(-1)
+    if camera.model in LENS_MODELS:
+        return LENS_MODELS[camera.model].project(coefficients, points)
     fisheye = camera.model == "equidistant"
     accepted = (4,) if fisheye else (4, 5, 8, 12, 14)
     count = next(n for n in accepted if n >= coefficients.size)

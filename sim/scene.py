@@ -7,6 +7,7 @@ the same room with similar disparities. Nothing here uses ``hdl``; the lenses ar
 import numpy as np
 
 from sim.lens import pixel_rays, unproject
+from sim.lens_models import pinhole_matrix
 from sim.reference import project
 from sim.room import Room
 
@@ -94,7 +95,7 @@ class _Stage:
         self.rotation = {"left": self.to_room, "right": self.to_room @ R.T}
         self.centre = {"left": np.zeros(3), "right": -self.to_room @ R.T @ T / self.scale}
         self.pose = {"left": (np.eye(3), np.zeros(3)), "right": (R, T)}
-        focal = np.sqrt(abs(np.linalg.det(np.asarray(rig.left.K, np.float64)[:2, :2])))
+        focal = np.sqrt(abs(np.linalg.det(pinhole_matrix(rig.left)[:2, :2])))
         self.room = Room(tx, ty, 1 / focal, channels, seed)
 
     def _field(self, camera):

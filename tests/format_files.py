@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calibration_files import as_yaml
-from rig_numbers import ASL, BOUGUET, KITTI, MRPT, MYNT, OAKD, ORBSLAM, ROS, TUM_VI, UNLOOK_1280, UNLOOK_1456, ZED
+from rig_numbers import ASL, BOUGUET, KITTI, MRPT, MYNT, OAKD, ORBSLAM, ROS, TUM_VI, UNLOOK_1280, UNLOOK_1456, WIDE, ZED
 from scipy.io import savemat
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -232,6 +232,8 @@ RIGS = {
                          ("unlook_1280/calib-matlab-complete-export.yaml",)),
     "unlook_1456": Files({"unlook_1456.yaml": opencv(UNLOOK_1456, (1456, 1088))},
                          ("unlook_1456/calib_boofcv_test3.yaml",)),
+    **{name: Files({"chain.yaml": kalibr(*(rig[key] for key in ("size", "cameras", "lens", "model")))})
+       for name, rig in WIDE.items()},
     "zed": Files({"SN1010.conf": zed()}, ("zed_sn1010/zed-cam-sn-1010.conf",)),
     "zed_tool": Files({"zed_calibration_1010.yml": zed_tool((960, 600), *ZED_TOOL)}),
     "zed_vga": Files({"SN1010.conf": zed()}, ("zed_sn1010/zed-cam-sn-1010.conf",), {"size": (672, 376)}),

@@ -1,6 +1,6 @@
 """The double sphere: two unit spheres one behind the other, then a pinhole (Kalibr's and Basalt's ds).
 
-Source: Usenko, Demmel and Cremers, The Double Sphere Camera Model, 3DV 2018, Eq. 40 to 45.
+Source: Usenko, Demmel and Cremers, The Double Sphere Camera Model, 3DV 2018.
 """
 
 import numpy as np
@@ -9,16 +9,18 @@ from hdl.lens.base import LensModel
 
 
 def distort(x, y, D):
-    """The projection of (x, y, 1) by Eq. 40 to 42; NaN beyond the rays of Eq. 43."""
+    """The projection of (x, y, 1); NaN for rays that reach the second sphere where the pinhole does not see it.
+
+    That is decided on the sphere itself, not by the paper's w2, which for xi < 0 lets a few more rays pass.
+    """
     xi, alpha = D
     r2 = x * x + y * y
-    first = np.sqrt(r2 + 1)
-    z = xi * first + 1
-    depth = alpha * np.sqrt(r2 + z * z) + (1 - alpha) * z
-    w1 = alpha / (1 - alpha) if alpha <= 0.5 else (1 - alpha) / alpha
-    w2 = (w1 + xi) / np.sqrt(2 * w1 * xi + xi * xi + 1)
-    if w2 < 0:
-        depth[-w2 * first >= 1] = np.nan
+    z = xi * np.sqrt(r2 + 1) + 1
+    second = np.sqrt(r2 + z * z)
+    depth = alpha * second + (1 - alpha) * z
+    if xi < 0:
+        w1 = alpha / (1 - alpha) if alpha <= 0.5 else (1 - alpha) / alpha
+        depth[z <= -w1 * second] = np.nan
     return x / depth, y / depth
 
 

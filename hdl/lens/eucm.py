@@ -1,7 +1,7 @@
 """The extended unified camera model: an ellipsoid, then a pinhole (Kalibr's and Basalt's eucm).
 
 With beta = 1 it is the unified camera model in Basalt's form (ucm).
-Source: Khomutenko, Garcia and Martinet, An Enhanced Unified Camera Model, RA-L 1(1), 2016, Eq. 6 and 7.
+Source: Khomutenko, Garcia and Martinet, An Enhanced Unified Camera Model, RA-L 1(1), 2016.
 """
 
 import numpy as np

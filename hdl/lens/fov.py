@@ -1,6 +1,7 @@
 """The FOV model: the image radius grows with the angle, by one coefficient (Kalibr's fov; ATAN in PTAM).
 
-Source: Devernay and Faugeras, Straight lines have to be straight, Machine Vision and Applications 13, 2001, Eq. 13.
+Source: Devernay and Faugeras, Straight lines have to be straight,
+Machine Vision and Applications 13, 2001, the FOV model.
 """
 
 import numpy as np

@@ -11,6 +11,8 @@ from format_files import RIGS, SHARED, needs_shared_data
 from hdl.calibration import convert, embedded, load
 from hdl.geometry.rectification import rectify
 from hdl.geometry.view import View
+from sim.lens_models import LENS_MODELS
+from sim.reference import source_positions
 
 # Format, size, lens of the left camera, unit, baseline in that unit.
 EXPECTED = {
@@ -27,6 +29,11 @@ EXPECTED = {
     "mynteye_s_jpl": ("euroc", (752, 480), "equidistant", "m", 0.120319),
     "oakd": ("depthai", (1280, 800), "rational", "m", 0.073789),
     "realsense_d455": ("euroc", (640, 480), "radtan", "m", 0.094942),
+    "euroc_ds": ("kalibr", (752, 480), "double_sphere", "m", 0.110078),
+    "euroc_eucm": ("kalibr", (752, 480), "eucm", "m", 0.110078),
+    "kalibr_omni": ("kalibr", (752, 480), "mei", "m", 0.109989),
+    "mynteye_fov": ("kalibr", (752, 480), "fov", "m", 0.117230),
+    "tum_vi_ds": ("kalibr", (512, 512), "double_sphere", "m", 0.101000),
     "tum_vi": ("kalibr", (512, 512), "equidistant", "m", 0.101087),
     "tum_vi_orbslam3": ("orbslam3", (512, 512), "equidistant", "m", 0.101087),
     "unlook_1280": ("opencv", (1280, 720), "radtan", None, 69.829548),
@@ -46,8 +53,11 @@ def rigs(tmp_path_factory):
 
 
 def opencv_map(view: View, step: int):
-    """(u, v) of OpenCV at every ``step``-th pixel; the skew, which OpenCV leaves out, is added."""
+    """(u, v) of OpenCV at every ``step``-th pixel; the skew, which OpenCV leaves out, is added. Of lenses that OpenCV
+    does not know, that of the float reference."""
     camera, size = view.camera, (view.width, view.height)
+    if camera.model in LENS_MODELS:
+        return source_positions(view, *np.meshgrid(*(np.arange(0, extent, step) for extent in size)))
     if camera.model == "equidistant":
         make, D = cv2.fisheye.initUndistortRectifyMap, camera.D
     else:
