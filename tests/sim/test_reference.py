@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from rig_numbers import OCAM
 
 from hdl.calibration import embedded
 from hdl.geometry.rectification import rectify
@@ -21,6 +22,14 @@ LENSES = {
     "thin_prism": ("thin_prism", [*RATIONAL, 0.004, -0.002, 0.003, 0.001]),
     "tilted": ("tilted", [*RATIONAL, 0.004, -0.002, 0.003, 0.001, 0.03, -0.05]),
     "equidistant": ("equidistant", [-0.0135, -0.0323, 0.0538, -0.02]),
+}
+OPENCV = tuple(LENSES)
+LENSES |= {
+    "double_sphere": ("double_sphere", [-0.17, 0.59]),
+    "eucm": ("eucm", [0.59, 1.13]),
+    "mei": ("mei", [0.67, -0.05, 0.01, 0.0004, 0.001]),
+    "fov": ("fov", [0.93]),
+    "scaramuzza": ("scaramuzza", [*OCAM["affine"], *OCAM["inverse"]]),
 }
 WIDTH, HEIGHT = 640, 480
 
@@ -40,7 +49,7 @@ def positions(seed=0, count=3000):
     return np.random.default_rng(seed).uniform([0, 0], [WIDTH - 1, HEIGHT - 1], (count, 2))
 
 
-@pytest.mark.parametrize("name", LENSES)
+@pytest.mark.parametrize("name", OPENCV)
 def test_map_is_that_of_opencv(name):
     v = view(name)
     fisheye = v.camera.model == "equidistant"
@@ -106,12 +115,20 @@ def test_rays_lead_back_to_their_pixels(name):
     np.testing.assert_allclose(reference.project(camera(name), rays, True), positions(), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["radtan", "tilted", "equidistant"])
+@pytest.mark.parametrize("name", ["radtan", "tilted", "equidistant", "double_sphere", "mei"])
 def test_rays_of_a_whole_image_are_those_of_its_pixels(name):
     rays = pixel_rays(camera(name), 64, 48, True)
     x, y = np.meshgrid(np.arange(64), np.arange(48))
     pixels = reference.project(camera(name), rays, True)
     np.testing.assert_allclose(pixels, np.stack([x, y], axis=-1), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_without_lens_the_camera_is_the_pinhole_that_shows_the_same_next_to_the_axis(name):
+    ray = [[3e-4, 2e-4, 1.0]]
+    at = [reference.project(camera(name), ray, lens) for lens in (False, True)]
+    np.testing.assert_allclose(*at, rtol=0, atol=0.01 if name == "scaramuzza" else 1e-3)
+    np.testing.assert_allclose(unproject(camera(name), at[0], False), ray / np.linalg.norm(ray), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["radtan", "equidistant"])
