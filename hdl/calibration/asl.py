@@ -12,9 +12,9 @@ from hdl.calibration import lenses
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Camera
 
-_OWN = {"pinhole": 0, "omni": 1, "ds": 2, "eucm": 2}  # how many of the intrinsics are the projection's own
-_COUNTS = {"pinhole": (0, 1, 4, 5, 8), "omni": (0, 4), "ds": (0,), "eucm": (0,)}  # of the distortion
-_OMNI_DISTORTION = "radtan", "radial-tangential", "plumb_bob", "none"
+# How many of the intrinsics are the projection's own, and how many coefficients a distortion after it may have.
+_PROJECTIONS = {"pinhole": (0, (0, 1, 4, 5, 8)), "omni": (1, (0, 4)), "ds": (2, (0,)), "eucm": (2, (0,))}
+_DISTORTIONS = {"omni": ("radtan", "none"), "ds": ("none",), "eucm": ("none",)}  # that of a pinhole is any lens
 _KIMERA = "omni_distortion_center"  # beside Kimera's camera_model: omni
 
 
@@ -27,26 +27,27 @@ def camera(fields: Fields, coefficients: str) -> Camera:
     if _KIMERA in fields:
         problem = "Scaramuzza's polynomial from the image to the ray; the inverse polynomial of OCamCalib is needed"
         raise fields.fault("camera_model", name, problem)
-    projection = name.lower() if isinstance(name, str) else None
-    if projection not in _OWN:
-        raise fields.fault("camera_model", name, f"the camera models known are {', '.join(_OWN)}")
-    count = _OWN[projection]
-    intrinsics = fields.vector("intrinsics", (count + 4,))
-    own, (fu, fv, pu, pv) = intrinsics[:count], intrinsics[count:]
-    D = fields.vector(coefficients, _COUNTS[projection])
-    lens = fields.get("distortion_model")
-    if projection == "pinhole":
-        model = lenses.model(fields.where, fields.name("distortion_model"), lens, D)
+    if name not in _PROJECTIONS:
+        raise fields.fault("camera_model", name, f"the camera models known are {', '.join(_PROJECTIONS)}")
+    own, counts = _PROJECTIONS[name]
+    *first, fu, fv, pu, pv = fields.vector("intrinsics", (own + 4,))
+    D, distortion = fields.vector(coefficients, counts), fields.get("distortion_model")
+    if name == "pinhole":
+        model = lenses.model(fields.where, fields.name("distortion_model"), distortion, D)
+    elif distortion not in _DISTORTIONS[name]:
+        known = " or ".join(_DISTORTIONS[name])
+        raise fields.fault("distortion_model", distortion, f"{name} is understood with {known}")
     else:
-        if lens not in (_OMNI_DISTORTION if projection == "omni" else ("none",)):
-            known = "radtan or none" if projection == "omni" else "none"
-            raise fields.fault("distortion_model", lens, f"{projection} is understood with {known}")
-        D = np.concatenate([own, D])
+        D = np.array([*first, *D])
         model = lenses.model(fields.where, fields.name("camera_model"), name, D)
     return Camera(model, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1]]), D)
 
 
 def roles(fields: Fields, number: str, coefficients: str) -> dict[str, tuple[str, str]]:
     """Where `camera` finds K and D, for `Rig.fields`; ``number`` is "1" for the left camera, "2" for the right one."""
-    holder = coefficients if fields.get("camera_model") == "pinhole" else "intrinsics"
-    return {"K" + number: (fields.where, fields.name("intrinsics")), "D" + number: (fields.where, fields.name(holder))}
+    own, counts = _PROJECTIONS[fields.get("camera_model")]
+    holders = ["intrinsics"] * (own > 0) + [coefficients] * (max(counts) > 0)
+    return {
+        "K" + number: (fields.where, fields.name("intrinsics")),
+        "D" + number: (fields.where, fields.name(", ".join(holders))),
+    }

@@ -221,7 +221,7 @@ class _Storage:
         found = self.find(role)
         if not found:
             names = " or ".join(SPELLINGS[role][:2])
-            raise InputError(self.source, names, None, "missing" + _HINTS[role])
+            raise InputError(self.source, names, None, "missing" + _HINTS.get(role, ""))
         return found
 
     def size(self, default):
