@@ -54,7 +54,7 @@ from hdl.lens import LENS_MODELS
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="OUT.yml",
     help="Write the calibration to OUT.yml in OpenCV's format; the rectification too if the file has one or "
-    "an option chooses one.",
+    "an option chooses one. Lenses that OpenCV does not know are written so that this program reads them again.",
 )
 def describe(files, format, select, lens_model, size, as_json, target, **choices):
     """Show what was understood of a calibration: cameras, lenses, baseline, rectification, rows of line buffer.

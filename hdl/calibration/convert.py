@@ -10,10 +10,14 @@ from hdl.errors import InputError
 from hdl.lens import polynomial
 
 SUFFIXES = (".yml", ".yaml")
+_OPENCVS = (*polynomial.NAMES, "equidistant")
 
 
 def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     """The text of the file: image size, M1, D1, M2, D2, R and T, every number to its last bit.
+
+    Mei's lenses have xi1 and xi2 beside D1 and D2, as cv::omnidir does. Those that OpenCV does not know have their
+    coefficients in lens1 and lens2, so that nobody takes them for others, and are read by this project alone.
 
     Parameters
     ----------
@@ -25,8 +29,6 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     ------
     InputError
         For a rig whose two cameras have lenses of different kinds, which such a file has no field for.
-
-    Lenses that OpenCV does not know have their name in the field model, and are read by this project alone.
     """
     kinds = {"polynomial" if model in polynomial.NAMES else model for model in (rig.left.model, rig.right.model)}
     if len(kinds) > 1:
@@ -35,10 +37,15 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     lines = ["%YAML:1.0", "---", f"image_width: {rig.width}", f"image_height: {rig.height}", f"model: {rig.left.model}"]
     if rig.unit:
         lines.append(f"unit: {rig.unit}")
-    matrices = {
-        "M1": rig.left.K, "D1": rig.left.D[None], "M2": rig.right.K, "D2": rig.right.D[None],
-        "R": rig.R, "T": rig.T[:, None],
-    }  # fmt: skip
+    matrices = {}
+    for number, camera in (("1", rig.left), ("2", rig.right)):
+        matrices["M" + number] = camera.K
+        if camera.model == "mei":
+            lines.append(f"xi{number}: {float(camera.D[0])!r}")
+            matrices["D" + number] = np.resize([*camera.D[1:], 0.0], (1, 4))
+        else:
+            matrices[("D" if camera.model in _OPENCVS else "lens") + number] = camera.D[None]
+    matrices |= {"R": rig.R, "T": rig.T[:, None]}
     if rectification:
         (R1, P1), (R2, P2) = rectification["left"], rectification["right"]
         matrices |= {"R1": R1, "P1": P1, "R2": R2, "P2": P2}

@@ -40,10 +40,10 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     if (width, height) != other:
         raise second.fault("resolution", list(other), f"not that in {first.where}, {[width, height]}")
     R, T = motion.between(*(motion.inverse(fields.transform("T_BS")) for fields in (first, second)))
+    cameras = [asl.camera(fields, _COEFFICIENTS) for fields in (first, second)]
     roles = {"size": (first.where, "resolution")}
     for number, fields in (("1", first), ("2", second)):
         roles |= asl.roles(fields, number, _COEFFICIENTS)
     roles |= dict.fromkeys("RT", (second.where, "T_BS"))
-    cameras = (asl.camera(fields, _COEFFICIENTS) for fields in (first, second))
     rig = Rig(source, width, height, *cameras, R, T, unit="m", fields=roles)
     return left_first(rig)

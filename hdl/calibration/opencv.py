@@ -25,9 +25,9 @@ SELECT = None
 
 SPELLINGS = {
     "K1": ("M1", "K1", "camera_matrix_left", "camera_matrix_1"),
-    "D1": ("D1", "dist_coeffs_left", "distortion_coeffs_left", "distortion_coefficients_1"),
+    "D1": ("D1", "dist_coeffs_left", "distortion_coeffs_left", "distortion_coefficients_1", "lens1"),
     "K2": ("M2", "K2", "camera_matrix_right", "camera_matrix_2"),
-    "D2": ("D2", "dist_coeffs_right", "distortion_coeffs_right", "distortion_coefficients_2"),
+    "D2": ("D2", "dist_coeffs_right", "distortion_coeffs_right", "distortion_coefficients_2", "lens2"),
     "R": ("R", "rotation_matrix"),
     "T": ("T", "translation_vector"),
     "R1": ("R1", "rectification_transform_left"),

@@ -134,13 +134,14 @@ class Rig:
 
 
 def polynomial_model(D: np.ndarray) -> str:
-    """Name the smallest of OpenCV's polynomial models that has every non-zero coefficient of ``D``, (n,) with n <= 14.
+    """Name the smallest of OpenCV's polynomial models that has every non-zero coefficient of ``D``, (n,), or else the
+    largest.
 
     Files often carry more coefficients than were calibrated: stereo_calib writes 14 of which at most 8 are used.
     """
     used = int(np.max(np.flatnonzero(D), initial=-1)) + 1
     return next(
-        name for name, count in (("radtan", 5), ("rational", 8), ("thin_prism", 12), ("tilted", 14)) if used <= count
+        name for name, count in (("radtan", 5), ("rational", 8), ("thin_prism", 12), ("tilted", used)) if used <= count
     )
 
 

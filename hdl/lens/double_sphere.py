@@ -20,7 +20,7 @@ def distort(x, y, D):
     depth = alpha * second + (1 - alpha) * z
     if xi < 0:
         w1 = alpha / (1 - alpha) if alpha <= 0.5 else (1 - alpha) / alpha
-        depth[z <= -w1 * second] = np.nan
+        depth = np.where(z > -w1 * second, depth, np.nan)
     return x / depth, y / depth
 
 

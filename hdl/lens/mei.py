@@ -16,7 +16,7 @@ def distort(x, y, D):
     xi = D[0]
     depth = 1 + xi * np.sqrt(x * x + y * y + 1)
     if xi < 0:
-        depth[depth <= 0] = np.nan
+        depth = np.where(depth > 0, depth, np.nan)
     return polynomial.distort(x / depth, y / depth, D[1:])
 
 

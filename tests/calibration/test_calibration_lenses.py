@@ -1,5 +1,6 @@
 """Lens models other than OpenCV's: under which names and in which fields files have them, and what is refused."""
 
+import cv2
 import numpy as np
 import pytest
 from calibration_files import RIG, as_yaml, refusal, turn, write
@@ -195,6 +196,20 @@ class TestScaramuzza:
         assert str(caught.value) == (
             "ocam.yml: K1 = fx -125.232: singular or mirrored: a focal length must be positive"
         )
+
+
+@pytest.mark.parametrize("name, fields", [
+    ("tum_vi_ds", {"model": "double_sphere", "lens1": WIDE["tum_vi_ds"]["cameras"][0]["intrinsics"][:2]}),
+    ("mynteye_fov", {"model": "fov", "lens1": WIDE["mynteye_fov"]["cameras"][0]["D"]}),
+    ("kalibr_omni", {"model": "mei", "xi1": 0.671111239995445, "D1": WIDE["kalibr_omni"]["cameras"][0]["D"]}),
+])  # fmt: skip
+def test_opencv_finds_no_lens_in_d_but_its_own(name, fields):
+    storage = cv2.FileStorage(write(convert.to_opencv(load(chain(name)))), cv2.FileStorage_READ)
+    assert storage.getNode("D1").empty() == ("D1" not in fields)
+    for field, value in fields.items():
+        node = storage.getNode(field)
+        found = node.string() if node.isString() else node.real() if node.isReal() else node.mat().ravel().tolist()
+        assert found == value
 
 
 def test_two_kinds_of_lenses_have_no_common_file():

@@ -56,6 +56,9 @@ def folder_of_its_own(tmp_path, monkeypatch):
         ({"model": "equidistant"}, "D1 = 5 coefficients: a lens of model equidistant has 4"),
         ({"model": "ftheta"}, "model = ftheta: the lens models known are radtan, rational, thin_prism, tilted, "
                               "equidistant, double_sphere, eucm, mei, fov, scaramuzza"),
+        ({"model": "radtan", "D1": (1, 20, NINE + NINE + NINE[:2])},
+         "D1 = 20 coefficients: a lens of model tilted has 0 or 4 or 5 or 8 or 12 or 14"),
+        ({"model": "fov"}, "D1 = 5 coefficients: a lens of model fov has 1"),
         ({"fisheye_model": "yes"}, "fisheye_model = yes: 0 or 1 is needed"),
         ({"R": (3, 3, ["1.1", *EYE[1:]])}, "R = [[1.1, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]: "
                                           "not a rotation: R^T R differs from the identity by 0.21"),

@@ -196,6 +196,7 @@ def test_latency_at_vga():
     "model, D, field",
     [
         ("equidistant", [0.1, 0.01, 0.0, 0.0], "D1"),
+        ("equidistant", [0.0, 0.0, 0.0, 0.0], "D1"),  # no pinhole either
         ("thin_prism", [0.1] * 2 + [0.0] * 6 + [0.001, 0, 0, 0], "D2"),
         ("tilted", [0.1] * 2 + [0.0] * 10 + [0.01, 0.02], "D1"),
     ],
