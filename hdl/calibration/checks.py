@@ -121,15 +121,8 @@ def _check_matrix(rig, role, K, principal_point_inside):
 
 def _check_lens(rig, role, camera):
     _check_finite(rig, role, camera.D)
-    lens = LENS_MODELS[camera.model]
-    if camera.D.size not in lens.counts:
-        accepted = " or ".join(map(str, lens.counts))
-        raise rig.fault(role, f"{camera.D.size} coefficients", f"a lens of model {camera.model} has {accepted}")
-    for name, value in zip(lens.coefficients, camera.D):
-        low, high = lens.limits.get(name, (-np.inf, np.inf))
-        if not low <= value <= high:
-            problem = f"in a lens of model {camera.model} it lies between {low:g} and {high:g}"
-            raise rig.fault(role, f"{name} {value:g}", problem)
+    if found := LENS_MODELS[camera.model].refusal(camera.D):
+        raise rig.fault(role, *found)
 
 
 def _check_rotation(rig, role, R):

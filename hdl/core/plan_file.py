@@ -193,8 +193,8 @@ def _check(file, plan):
     lens = LENS_MODELS.get(plan.camera.model)
     if lens is None:
         raise InputError(file, "camera.model", plan.camera.model, f"is none of {', '.join(LENS_MODELS)}")
-    if len(plan.camera.D) not in lens.counts:
-        raise InputError(file, "camera.D", plan.camera.D, f"{plan.camera.model} has no such coefficients")
+    if found := lens.refusal(plan.camera.D):
+        raise InputError(file, "camera.D", *found)
     if plan.datapath not in DATAPATHS:
         raise InputError(file, "datapath", plan.datapath, f"is none of {', '.join(DATAPATHS)}")
     try:

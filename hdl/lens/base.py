@@ -39,3 +39,13 @@ class LensModel:
     is_fisheye: bool = False
     magnification: Callable[[np.ndarray], float] = lambda D: 1.0
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def refusal(self, D: np.ndarray) -> tuple[str, str] | None:
+        """What of ``D`` makes no such lens, and why not, in words; None for a lens."""
+        if len(D) not in self.counts:
+            return f"{len(D)} coefficients", f"a lens of model {self.name} has {' or '.join(map(str, self.counts))}"
+        for name, value in zip(self.coefficients, D):
+            low, high = self.limits.get(name, (-np.inf, np.inf))
+            if not low <= value <= high:
+                return f"{name} {value:g}", f"in a lens of model {self.name} it lies between {low:g} and {high:g}"
+        return None

@@ -164,7 +164,10 @@ REBUILT = "rebuilding the core gives {}; generate it anew"
         (changed("height", to=0), "height = 0: must be 32 to 8192"),
         (changed("fraction_bits", to=40), "fraction_bits = 40: must be 3 to 8"),
         (changed("camera", "model", to="fovea"), "camera.model = fovea: is none of radtan, rational, {}"),
-        (changed("camera", "D", to=[1.0]), "camera.D = [1.0]: radtan has no such coefficients"),
+        (
+            changed("camera", "D", to=[1.0]),
+            "camera.D = 1 coefficients: a lens of model radtan has 0 or 4 or 5 or 8 or 12 or 14",
+        ),
         (changed("datapath", to="magic"), "datapath = magic: is none of {}"),
         (changed("border", "mode", to="wrap"), "border.mode = wrap: input should be 'constant' or 'replicate'"),
         (changed("camera", "K", to=[[0.0] * 3] * 3), "camera.K = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], {}: is singular"),
