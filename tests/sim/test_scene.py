@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from format_files import RIGS as FILES
 
-from hdl.calibration import embedded
+from hdl.calibration import embedded, load
 from hdl.geometry.rectification import rectify
 from sim import patterns
 from sim.alignment import row_difference
@@ -200,6 +201,16 @@ def test_the_map_of_the_cores_aligns_the_rows():
     views = rectify(embedded(), lens=True)
     after = row_difference({side: views[side].map() for side in SIDES}, points("lens")[1])
     assert after.mean < 1e-3
+
+
+@pytest.mark.parametrize("name", ["euroc_ds", "euroc_eucm", "kalibr_omni", "mynteye_fov"])
+def test_other_lenses_picture_the_scene_and_hdls_maps_align_its_rows(name, tmp_path):
+    rig = load(*FILES[name].write(tmp_path), size=(188, 120))
+    images, (_, at) = render(rig, True), visible_points(rig, True, 500)
+    assert all(image.std() > 35 and (image > 0).mean() > 0.98 for image in images.values())
+    before = row_difference(None, at)
+    after = row_difference({side: view.map() for side, view in rectify(rig, lens=True).items()}, at)
+    assert before.mean > 0.5 and after.n > 200 and after.max < 0.01
 
 
 def test_the_scene_scales_with_the_baseline():
