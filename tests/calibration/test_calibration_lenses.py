@@ -157,7 +157,7 @@ class TestOmnidir:
         ({"xi": 1.2}, "xi = 1.2: of which camera? an omnidirectional pair has xi1 and xi2"),
         ({"xi1": 1.2}, "xi2 or XI2: missing"),
         ({"xi1": ".Nan", "xi2": 1}, "xi1[0] = nan: not a finite number"),
-        ({"xi1": 1.2, "xi2": "none"}, "xi2 = none: a matrix with rows, cols, dt and data is needed"),
+        ({"xi1": 1.2, "xi2": "none"}, "xi2 = none: a matrix with rows, cols, dt and data, or a sequence, is needed"),
         ({"xi1": 1.2, "xi2": -3}, "D2 = xi -3: in a lens of model mei it lies between -0.99 and 100"),
     ])  # fmt: skip
     def test_xi_that_cannot_be_used_is_named(self, xi, message):
