@@ -39,8 +39,10 @@ _INTERNAL_ATTRIBUTES = (
 
 
 # What Verilator's lint says of the text on principle: Yosys leaves the extension of operands to Verilog's own rules,
-# keeps carries that nobody reads, and puts all modules into one file.
-_WAIVED = ("DECLFILENAME", "UNUSEDSIGNAL", "WIDTHEXPAND", "WIDTHTRUNC")
+# keeps carries that nobody reads, puts all modules into one file, and lays different bits of a chain of logic into one
+# wire, which older versions take for a loop. Names that 4.038 knows, since an unknown one is an error; later versions
+# take UNUSED and WIDTH for the groups of names that these became.
+WAIVED = ("DECLFILENAME", "UNOPTFLAT", "UNUSED", "WIDTH")
 
 # How the contents of memories are written: lines as long as these, or, of large memories, as many lines as these.
 _LINE, _LINES = 120, 1000
@@ -68,7 +70,7 @@ def convert(component, name, header=""):
     # Amaranth names modules by their path, with dots that Verilog must escape.
     modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)
-    lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in _WAIVED)
+    lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in WAIVED)
     comment = "".join(f"// {line}\n" for line in header.splitlines())
     return f"{comment}/* verilator lint_save */\n{lint_off}{modules}/* verilator lint_restore */\n"
 
