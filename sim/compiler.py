@@ -28,6 +28,8 @@ _PASSES = (
     "write_cxxrtl -g0 -noproc -noflatten core.cc"
 )
 _FLAGS = ("-std=c++17", "-O2", "-DNDEBUG", "-w", "-shared", "-fPIC", "-fvisibility=hidden")
+_TEXT = {"encoding": "utf-8", "errors": "replace"}  # of what programs print
+_DIGEST_BYTES = hashlib.sha256().digest_size
 _HARNESS = Path(__file__).with_name("harness.cpp")
 # Direction and greatest width.
 _PORTS = {
@@ -52,7 +54,8 @@ def compile_core(verilog, top, *, cache="build/cache", compiler=None):
     top : str
         The module.
     cache : Path or str
-        Directory of the shared libraries, made if missing. Several processes may share it.
+        Directory of the shared libraries, made if missing. Several processes may share it. One that is damaged is built
+        anew.
     compiler : str, optional
         C++ compiler as a command line. Default: $CXX, g++, clang++, the package ziglang, whichever comes first.
 
@@ -88,11 +91,21 @@ def compile_core(verilog, top, *, cache="build/cache", compiler=None):
     ).hexdigest()
     cache = Path(cache).absolute()
     library = cache / f"{top}-{key[:20]}.so"
-    cached = library.exists()
+    cached = _is_whole(library)
     if not cached:
         cache.mkdir(parents=True, exist_ok=True)
         _build(text, top, command, library)
     return Core(library, cached)
+
+
+def _is_whole(library):
+    """Whether the library is there and ends in the digest of the rest: to load one that was cut off can end the
+    process."""
+    try:
+        content = library.read_bytes()
+    except OSError:
+        return False
+    return content[-_DIGEST_BYTES:] == hashlib.sha256(content[:-_DIGEST_BYTES]).digest()
 
 
 def _build(text, top, command, library):
@@ -102,24 +115,26 @@ def _build(text, top, command, library):
         work = Path(work)
         (work / "core.v").write_bytes(text)
         try:
-            yosys.run(_PASSES.format(top=top), work)
+            yosys.run(_PASSES.format(top=top), work, keep=log)
         except ToolError as error:
-            os.replace(work / "yosys.log", log)
-            message = str(error).replace(str(work / "yosys.log"), str(log))
             # check -assert only counts what the warnings before it say.
-            warning = re.search(r"^Warning: .*", log.read_text(), re.MULTILINE) if "check -assert" in message else None
-            raise CompileError(f"{message}{': ' + warning[0] if warning else ''}") from error
-        _check_ports((work / "core.cc").read_text(), top)
+            counted = "check -assert" in str(error)
+            warning = counted and re.search(r"^Warning: .*", log.read_text(encoding="utf-8"), re.MULTILINE)
+            raise CompileError(f"{error}{': ' + warning[0] if warning else ''}") from error
+        _check_ports((work / "core.cc").read_text(encoding="utf-8"), top)
         struct = "p_" + top.replace("_", "__")
         build = [*command, *_FLAGS, f"-DCORE={struct}", f"-I{work}", f"-I{runtime}", str(_HARNESS), "-o", "core.so"]
-        result = subprocess.run(build, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        result = subprocess.run(build, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **_TEXT)
         if result.returncode:
-            log.write_text(f"{shlex.join(build)}\n{result.stdout}")
+            log.write_text(f"{shlex.join(build)}\n{result.stdout}", encoding="utf-8")
             lines = [line.strip() for line in result.stdout.splitlines() if re.search("error", line, re.IGNORECASE)]
             problem = lines[0] if lines else f"exit status {result.returncode}"
             raise CompileError(f"{command[0]}: {problem} (log: {log})")
         if not (work / "core.so").exists():
             raise CompileError(f"{command[0]}: made no library")
+        digest = hashlib.sha256((work / "core.so").read_bytes()).digest()
+        with (work / "core.so").open("ab") as file:  # behind all that is loaded
+            file.write(digest)
         os.replace(work / "core.so", library)
 
 
@@ -156,6 +171,6 @@ def _compiler(given):
 def _identity(command):
     """What the compiler says of its version."""
     try:
-        return subprocess.run([*command, "--version"], capture_output=True, text=True, check=True).stdout
+        return subprocess.run([*command, "--version"], capture_output=True, check=True, **_TEXT).stdout
     except (OSError, subprocess.CalledProcessError) as error:
         raise CompileError(f"C++ compiler {shlex.join(command)}: {error}") from error

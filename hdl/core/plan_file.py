@@ -1,5 +1,6 @@
 """Plans read back from a folder that `hdl.generate` wrote, and the cores that they state, rebuilt."""
 
+import codecs
 import hashlib
 import json
 import math
@@ -35,7 +36,7 @@ class PlannedCore:
         The plan.
     plan : Plan
     verilog : str
-        The text beside the plan; its SHA-256 is the plan's.
+        The text beside the plan; its SHA-256 is the plan's. Lines end in LF here, whatever they end in there.
     """
 
     file: Path
@@ -103,7 +104,7 @@ def load(file):
     """The `Plan` in a file. Raises InputError where it cannot be read, and for a field that is missing or none."""
     file = Path(file)
     try:
-        plan = Plan.model_validate_json(file.read_bytes())
+        plan = Plan.model_validate_json(_text(file))
     except OSError as error:
         raise InputError(file, None, None, f"cannot be read: {error.strerror}") from error
     except ValidationError as errors:
@@ -240,7 +241,7 @@ def _load_core(file):
     plan = load(file)
     if not verilog_file.exists():
         raise InputError(file, "top", plan.top, f"its Verilog, {verilog_file.name}, is missing")
-    data = verilog_file.read_bytes()
+    data = _text(verilog_file)
     found = hashlib.sha256(data).hexdigest()
     if found != plan.verilog_sha256:
         problem = f"{verilog_file.name} has {found[:12]}...: the plan or the Verilog was changed; generate both anew"
@@ -249,6 +250,12 @@ def _load_core(file):
         return PlannedCore(file, plan, data.decode())
     except UnicodeDecodeError:
         raise InputError(verilog_file, None, None, "is not the text of a core") from None
+
+
+def _text(file):
+    """The bytes of a text file as they were before a mark was put before them and the ends of lines became CRLF, as
+    Windows programs and git do."""
+    return file.read_bytes().removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n")
 
 
 def _check_pair(left, right):

@@ -49,7 +49,8 @@ class SplineCoordinates(wiring.Component):
         cell, step_in_cell = column >> u.along_bits, column[: u.along_bits]
         # In the part by which the first cell is lengthened, where the column is negative, nothing is loaded.
         in_cells = ~column[-1] if cells.offset < 0 else Const(1)
-        last_cell, next_cell = Signal(), Signal(range(cells.columns))
+        # The name that Python up to 3.12 would find, and 3.13 not.
+        last_cell, next_cell = Signal(), Signal(range(cells.columns), name="next_cell")
         row = Signal(range(p.height))  # that the next cell belongs to
         first_row = Signal()
         m.d.comb += [

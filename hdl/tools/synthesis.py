@@ -7,7 +7,6 @@ import tempfile
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-from hdl.errors import ToolError
 from hdl.tools import yosys
 
 _BLOCK = re.MULTILINE | re.DOTALL
@@ -73,34 +72,34 @@ def _command(top, dsp):
 def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     """`Resources` of the module ``top`` of a Verilog text; ``dsp`` allows multipliers in DSP blocks.
 
-    Results are cached by content. Raises ToolError with Yosys's own error line and the log's path.
+    Results are cached by content; an entry that is damaged is made anew. Raises ToolError with Yosys's own error line
+    and the log's path.
     """
     command = _command(top, dsp)
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
     result = Path(cache) / f"synthesis-{key}.json"
-    if not _holds_json(result):
+    cells = _cells(result)
+    if cells is None:
         result.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
             work = Path(work)
             (work / "core.v").write_text(verilog, encoding="utf-8")
-            try:
-                yosys.run(f"read_verilog core.v; {command}; tee -q -o stat.json stat -json", work)
-            except ToolError as error:
-                log = result.with_suffix(".log")
-                (work / "yosys.log").replace(log)
-                raise ToolError(str(error).replace(str(work / "yosys.log"), str(log))) from error
+            script = f"read_verilog core.v; {command}; tee -q -o stat.json stat -json"
+            yosys.run(script, work, keep=result.with_suffix(".log"))
             cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
             (work / "cells.json").write_text(json.dumps(cells))
             (work / "cells.json").replace(result)
-    return Resources.count(json.loads(result.read_text()))
+    return Resources.count(cells)
 
 
-def _holds_json(file):
+def _cells(file):
+    """The numbers of cells in a file of the cache; None where it is none."""
     try:
-        json.loads(file.read_text())
+        cells = json.loads(file.read_text())
     except (OSError, ValueError):
-        return False
-    return True
+        return None
+    whole = isinstance(cells, dict) and all(isinstance(number, int) for number in cells.values())
+    return cells if whole else None
 
 
 def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):

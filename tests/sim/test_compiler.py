@@ -1,3 +1,4 @@
+import os
 import shlex
 import subprocess
 import sys
@@ -26,6 +27,19 @@ def test_a_cached_core_is_not_built_again(tmp_path, monkeypatch):
     assert_same(again.run(stream(10)).beats, stream(10))
     with pytest.raises(AssertionError, match="a process was started"):
         compile_core(WIRE + "// another text\n", "block", cache=cache)
+
+
+@pytest.mark.parametrize("share", [0, 0.9])
+def test_a_cached_core_that_was_cut_off_is_built_again(tmp_path, share):
+    cache = tmp_path / "cache"
+    content = compile_core(WIRE, "block", cache=cache).library.read_bytes()
+    (library,) = cache.iterdir()
+    (tmp_path / "cut").write_bytes(content[: int(share * len(content))])
+    os.replace(tmp_path / "cut", library)  # another file: the first is in use
+    again = compile_core(WIRE, "block", cache=cache)
+    assert not again.cached
+    assert_same(again.run(stream(10)).beats, stream(10))
+    assert compile_core(WIRE, "block", cache=cache).cached
 
 
 def test_two_processes_can_build_the_same_core_at_once(tmp_path):
