@@ -63,7 +63,7 @@ IMAGE = click.Path(path_type=Path, exists=True, dir_okay=False)
     "--synthesis/--no-synthesis",
     default=True,
     show_default=True,
-    help="Measure LUT, FF, DSP and block RAM with Yosys: some 10 s a core, kept under PLAN_DIR/cache.",
+    help="Measure LUT, FF, DSP and block RAM with Yosys: some 10 s a core, kept in a folder cache beside the page.",
 )
 def report(folder, output, json_file, left, right, clock, distances, synthesis):
     """Write one self-contained HTML page about the cores in PLAN_DIR, as hdl.generate wrote them.
@@ -98,7 +98,7 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
             clock_mhz=clock,
             distances=distances,
             synthesis=synthesis,
-            cache=folder / "cache",
+            cache=output.parent / "cache",
             progress=progress,
         )
         progress("page")

@@ -145,7 +145,11 @@ def test_the_command_writes_the_page_and_the_figures(folder, run_command):
     ]
 
 
-def test_one_camera_has_a_report_without_stereo(folder, run_command):
+def test_one_camera_has_a_report_without_stereo_and_without_a_word_into_its_folder(folder, run_command):
+    (folder / "cache").unlink()
+    (folder / "cache").touch()  # no cache can be made here
+    Path("out").mkdir()
+    Path("out/cache").symlink_to(CACHE)
     for suffix in (".v", ".json"):
         (folder / f"rectify_left{suffix}").unlink()
     cv2.imwrite("R.png", np.random.default_rng(1).integers(0, 255, (64, 96), np.uint8))
