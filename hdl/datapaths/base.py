@@ -27,6 +27,10 @@ def fitted_budget(fraction_bits):
     return max(0.05, 1.5 * 2.0 ** -(fraction_bits + 1))
 
 
+# px. Words that are shorter yet save next to nothing, and their divisors may be 0.
+COARSEST = 1.0
+
+
 def check_budget(budget, fraction_bits):
     """Raise InputError where rounding alone exceeds the budget, px."""
     rounding = 2.0 ** -(fraction_bits + 1)
@@ -37,6 +41,14 @@ def check_budget(budget, fraction_bits):
             budget,
             f"rounding to {fraction_bits} fraction bits alone costs up to {rounding} px; more --fraction-bits help",
         )
+
+
+def word_length_budget(max_error, fraction_bits):
+    """What the word lengths of a datapath that follows an equation may cost, px: ``max_error``, its default or, where
+    that is more, `COARSEST`. Raises InputError as `check_budget` does."""
+    budget = default_budget(fraction_bits) if max_error is None else min(max_error, COARSEST)
+    check_budget(budget, fraction_bits)
+    return budget
 
 
 class DatapathSignature(wiring.Signature):

@@ -8,7 +8,7 @@ from numpy.polynomial.polynomial import polyval
 
 from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum, evaluate, in_range, step_cost
 from hdl.calibration.rig import SIDES
-from hdl.datapaths.base import check_budget, default_budget
+from hdl.datapaths.base import word_length_budget
 from hdl.datapaths.projective import quantised
 from hdl.datapaths.word_lengths import shortest
 from hdl.errors import BudgetError
@@ -18,7 +18,7 @@ from hdl.lens import polynomial
 MOST_PRECISION = 14
 MOST_BITS = 29  # of X and Y, before the point and after it
 LEAST_TERMS = -30  # exponent of 2
-FEWEST = {"pinhole": 1, "divisor": 6}
+FEWEST = {"pinhole": 1, "divisor": 6, "z": 6}
 GRID = 36  # points of the sample along each side of the frame
 CHUNK = 1 << 15  # pixels at a time: the arrays then stay in the cache
 
@@ -51,8 +51,7 @@ class LensFit:
         self.pinhole, self.view, self.fraction_bits = pinhole, view, fraction_bits
         self.size = view.width, view.height
         k1, k2, self.p1, self.p2, k3, *below = _coefficients(view)
-        self.budget = default_budget(fraction_bits) if max_error is None else max_error
-        check_budget(self.budget, fraction_bits)
+        self.budget = word_length_budget(max_error, fraction_bits)
         self.half = 2.0 ** -(fraction_bits + 1)
         (self.fx, self.skew, _), (_, self.fy, _), _ = view.camera.K
         # Polynomials in r2, px^2.

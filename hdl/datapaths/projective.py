@@ -9,7 +9,7 @@ import numpy as np
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.divider import Divider
 from hdl.arithmetic.linear import LinearForm
-from hdl.datapaths.base import Datapath, check_budget, default_budget
+from hdl.datapaths.base import Datapath, word_length_budget
 from hdl.errors import InputError
 from hdl.geometry.coordinates import Coordinates
 
@@ -59,9 +59,7 @@ class Projective(Datapath):
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        budget = default_budget(fraction_bits) if max_error is None else max_error
-        check_budget(budget, fraction_bits)
-        return _WordLengths(cls, view, fraction_bits, budget).search()
+        return _WordLengths(cls, view, fraction_bits, word_length_budget(max_error, fraction_bits)).search()
 
     @property
     def forms(self):
