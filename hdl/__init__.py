@@ -1,6 +1,26 @@
 """Stereo rectification cores: from a calibration file to Verilog."""
 
 import os
+import signal
+import sys
+
+__version__ = "0.1.0"
 
 # Amaranth prefers any Yosys on the PATH over the one it is pinned with; another version writes other Verilog.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
+
+
+def exit_interrupted(number, frame):
+    """Handle SIGINT before there is anything to clean up."""
+    os.write(2, b"interrupted\n")
+    os._exit(130)
+
+
+# `python -m hdl.generate` spends its first second importing, where an interruption would come out as a traceback, or
+# as somebody's failed import. `hdl.cli.run` takes over from there.
+if (
+    sys.argv[:1] == ["-m"]
+    and any(word.removeprefix("-m").startswith(("hdl.", "sim.", "scripts.")) for word in sys.orig_argv)
+    and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):
+    signal.signal(signal.SIGINT, exit_interrupted)

@@ -1,6 +1,9 @@
 """What all command lines share: frame sizes, error reporting, progress."""
 
+import errno
+import io
 import re
+import signal
 import sys
 import warnings
 from contextlib import contextmanager
@@ -13,7 +16,10 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+import hdl
 from hdl.errors import InputError, ToolError
+
+_UNWRITTEN = (errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EFBIG)
 
 LEAST_SIZE, GREATEST_SIZE = 32, 8192
 
@@ -62,14 +68,23 @@ def run(command, arguments=None):
     ``arguments``: list of str; default: the process's own.
     """
     warnings.simplefilter("ignore", UnusedElaboratable)  # of what an interruption leaves half built
+    if signal.getsignal(signal.SIGINT) is hdl.exit_interrupted:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files that the terminal has no letters for
     try:
-        sys.exit(command.main(arguments, standalone_mode=False) or 0)
+        status = command.main(arguments, standalone_mode=False)
+        if sys.stdout:
+            sys.stdout.flush()
+        sys.exit(status or 0)
     except click.ClickException as error:
         _fail(error.format_message())
     except InputError as error:
         _fail(str(error))
     except OSError as error:
-        _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error))
+        # All files that are written are named.
+        where = error.filename or ("standard output" if error.errno in _UNWRITTEN else None)
+        _fail(f"{where}: {error.strerror}" if where else str(error))
     except ToolError as error:
         _fail(str(error), status=1)
     except MemoryError:
@@ -100,7 +115,7 @@ def steps():
     """A callable that names the step in progress on a terminal, with the time it takes; silent elsewhere."""
     console = Console(stderr=True)
     with Progress(
-        SpinnerColumn(),
+        SpinnerColumn("dots" if console.encoding.startswith("utf") else "line"),
         TextColumn("{task.description}"),
         TimeElapsedColumn(),
         console=console,

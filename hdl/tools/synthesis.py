@@ -7,6 +7,7 @@ import tempfile
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
+from hdl.files import named
 from hdl.tools import yosys
 
 _BLOCK = re.MULTILINE | re.DOTALL
@@ -81,7 +82,7 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     cells = _cells(result)
     if cells is None:
         result.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
+        with named(cache), tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
             work = Path(work)
             (work / "core.v").write_text(verilog, encoding="utf-8")
             script = f"read_verilog core.v; {command}; tee -q -o stat.json stat -json"
