@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ECHO = "import click; from hdl.cli import run; run(click.Command('echo', callback=lambda: click.echo('\\xe4')), [])"
+PRINT = "import click; from hdl.cli import run; run(click.Command('print', callback=lambda: print('\\xe4')), [])"
 
 
 def python(*arguments, stdout=subprocess.PIPE, path=(), **environment):
@@ -40,7 +40,9 @@ def test_an_interruption_while_modules_are_imported_is_one_line(tmp_path, module
 
 def test_a_program_that_imports_the_package_keeps_its_own_interruption(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "import os, signal, hdl\ntry:\n    os.kill(os.getpid(), signal.SIGINT)\nexcept KeyboardInterrupt:\n    print(1)\n"
+        "import os, signal, hdl\n"
+        "try:\n    os.kill(os.getpid(), signal.SIGINT)\n"
+        "except KeyboardInterrupt:\n    print(1)\n"
     )
     assert python("-m", "mine", path=[tmp_path]).stdout == b"1\n"
 
@@ -49,10 +51,10 @@ def test_a_full_disk_behind_standard_output_is_one_line():
     if not Path("/dev/full").exists():
         pytest.skip("there is no /dev/full")
     with open("/dev/full", "wb") as full:
-        result = python("-c", ECHO, stdout=full)
+        result = python("-c", PRINT, stdout=full)
     assert (result.returncode, result.stderr) == (2, b"error: standard output: No space left on device\n")
 
 
 def test_letters_that_a_terminal_does_not_have_are_written_otherwise():
-    result = python("-c", ECHO, PYTHONIOENCODING="ascii")
+    result = python("-c", PRINT, PYTHONIOENCODING="ascii")
     assert (result.returncode, result.stdout, result.stderr) == (0, b"\\xe4\n", b"")
