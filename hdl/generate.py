@@ -283,6 +283,7 @@ def summary(cores, directory):
         f"Written to {escape(str(directory))}",
         [plan.camera.side for plan in plans],
         [
+            ("camera", [plan.camera.source for plan in plans]),
             ("Verilog", [f"{plan.top}.v" for plan in plans]),
             ("plan", [f"{plan.top}.json" for plan in plans]),
             ("frame", [f"{plan.width}x{plan.height}" for plan in plans]),

@@ -38,12 +38,15 @@ from hdl.errors import InputError
 
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
-# The first that recognises a file reads it. OpenCV's comes last: others are written in its YAML too.
-FORMATS = (ros, euroc, kalibr, kitti, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, bouguet, matlab, opencv)
+# The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
+FORMATS = (
+    ros, euroc, kalibr, kitti, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, bouguet, matlab, opencv,
+)  # fmt: skip
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
 
 _EMBEDDED = "opencv_samples.yml"
+_EXAMPLE = "the embedded example rig"
 
 
 def load(
@@ -90,7 +93,9 @@ def load(
 def embedded(size: tuple[int, int] | None = None) -> Rig:
     """The default rig: OpenCV's sample pair, 640x480, scaled to ``size`` if given."""
     text = resources.files(__package__).joinpath(_EMBEDDED).read_text(encoding="utf-8")
-    return _rig(opencv, [Document(_EMBEDDED, text)], size)
+    rig = _rig(opencv, [Document(_EMBEDDED, text)], size)
+    entries = {f"camera{number}": (_EXAMPLE, f"M{number}") for number in "12"}
+    return replace(rig, fields={**rig.fields, **entries})
 
 
 def _rig(reader, documents, size, select=None, lens_model=None):

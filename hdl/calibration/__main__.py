@@ -113,7 +113,12 @@ class Description:
             "width": rig.width,
             "height": rig.height,
             **{
-                side: {"model": camera.model, "K": camera.K.tolist(), "D": camera.D.tolist()}
+                side: {
+                    "source": rig.origins[side],
+                    "model": camera.model,
+                    "K": camera.K.tolist(),
+                    "D": camera.D.tolist(),
+                }
                 for side, camera in cameras.items()
             },
             "R": rig.R.tolist(),
@@ -147,6 +152,7 @@ class Description:
         cameras = [self.rig.camera(side) for side in SIDES]
         views, plain = ([pair[side] for side in SIDES] for pair in (self.views, self.plain))
         rows = [
+            ("read from", [self.rig.origins[side] for side in SIDES]),
             ("focal length x, y", [f"{K[0, 0]:.3f}, {K[1, 1]:.3f} px" for K in (camera.K for camera in cameras)]),
             ("principal point x, y", [f"{K[0, 2]:.3f}, {K[1, 2]:.3f} px" for K in (camera.K for camera in cameras)]),
         ]

@@ -50,6 +50,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     R, T = _motion(cameras, left, right)
     roles = {"size": (document.name, cameras[left].name("width, height"))}
     for number, socket in (("1", left), ("2", right)):
+        roles["camera" + number] = document.name, f"socket {socket}"
         roles["K" + number] = document.name, cameras[socket].name("intrinsicMatrix")
         roles["D" + number] = document.name, cameras[socket].name("distortionCoeff")
     roles["R"] = document.name, cameras[left].name("extrinsics.rotationMatrix")

@@ -1,13 +1,13 @@
 """sensor.yaml of the ASL dataset format, one file a camera: EuRoC MAV, and Kimera's camera parameters.
 
 ``T_BS`` takes points of the sensor to the body, in metres. Which camera is the left one follows from it, in whichever
-order the files are given.
+order the files are given, unless their names say left and right.
 Source: EuRoC MAV dataset (Burri et al., IJRR 2016), cam0/sensor.yaml.
 """
 
 import re
 
-from hdl.calibration import asl, motion
+from hdl.calibration import asl, motion, sides
 from hdl.calibration.documents import Document
 from hdl.calibration.fields import Fields
 from hdl.calibration.rig import Rig
@@ -35,7 +35,8 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     source = ", ".join(document.name for document in documents)
     if len(documents) != 2:
         raise InputError(source, None, None, "two sensor.yaml files are needed, one of each camera")
-    first, second = (Fields(document.name, document.yaml) for document in documents)
+    told, named = sides.by_name(*(document.name for document in documents)) or (0, False)
+    first, second = (Fields(document.name, document.yaml) for document in (documents[told], documents[1 - told]))
     (width, height), other = first.size("resolution"), second.size("resolution")
     if (width, height) != other:
         raise second.fault("resolution", list(other), f"not that in {first.where}, {[width, height]}")
@@ -46,4 +47,4 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
         roles |= asl.roles(fields, number, _COEFFICIENTS)
     roles |= dict.fromkeys("RT", (second.where, "T_BS"))
     rig = Rig(source, width, height, *cameras, R, T, unit="m", fields=roles)
-    return left_first(rig)
+    return rig if named else left_first(rig)

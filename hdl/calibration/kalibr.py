@@ -48,6 +48,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     (R, T), spelling = _motion(chain, cameras, left, right)
     fields = {"size": (document.name, f"{left}.resolution")}
     for number, name in (("1", left), ("2", right)):
+        fields["camera" + number] = document.name, name
         fields |= asl.roles(chain.child(name), number, _COEFFICIENTS)
     fields |= dict.fromkeys("RT", (document.name, spelling))
     rig = Rig(document.name, width, height, left_camera, right_camera, R, T, unit="m", fields=fields)

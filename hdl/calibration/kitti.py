@@ -44,6 +44,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     R, T = motion.between(_from_first(fields, left), _from_first(fields, right))
     roles = {role: (document.name, f"{role}_{right}") for role in "RT"} | {"size": (document.name, f"S_{left}")}
     for number, name in (("1", left), ("2", right)):
+        roles["camera" + number] = document.name, f"camera {name}"
         for role, field in (("K", "K"), ("D", "D"), ("R", "R_rect"), ("P", "P_rect")):
             roles[role + number] = document.name, f"{field}_{name}"
     rectification, fault = unless_faulty(lambda: _rectification(fields, left, right))

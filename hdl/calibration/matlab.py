@@ -56,6 +56,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     roles = {"size": (where, first.name("ImageSize")), "R": (where, fields.name("RotationOfCamera2"))}
     roles["T"] = where, fields.name("TranslationOfCamera2")
     for number, camera in (("1", first), ("2", second)):
+        roles["camera" + number] = where, camera.prefix
         roles["K" + number] = where, camera.name(_matrix_name(camera))
         roles["D" + number] = where, camera.name("RadialDistortion")
     rig = Rig(where, *stated, _camera(first), _camera(second), R, T * (scale or 1), unit=scale and "m", fields=roles)

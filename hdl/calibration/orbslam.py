@@ -41,6 +41,7 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     R, T = motion.of_rectification(*rectification["left"], *rectification["right"])
     roles = {"size": (document.name, "LEFT.width, LEFT.height")}
     for number, side in (("1", "LEFT"), ("2", "RIGHT")):
+        roles["camera" + number] = document.name, side
         roles |= {role + number: (document.name, f"{side}.{role}") for role in "KDRP"}
     roles |= {"R": (document.name, "RIGHT.R"), "T": (document.name, "RIGHT.P")}
     return Rig(

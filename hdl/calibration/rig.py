@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -62,9 +63,12 @@ class Rig:
         so that a fault in what an option leaves unused refuses nothing.
     fields : mapping of role to (file, field)
         How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2", and "model1", "model2"
-        where it should name the lens and does not. For messages only.
+        where it should name the lens and does not; and what it calls the whole cameras, "camera1" and "camera2", which
+        are those of K1 and K2 where they are not given. For messages, and for :attr:`origins`.
     warnings : tuple of str
         What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
+    notes : tuple of str
+        What was decided for the user without being wrong: each one line.
     format : str or None
         NAME of the format it was read from.
     """
@@ -81,10 +85,27 @@ class Rig:
     rectification_fault: InputError | None = None
     fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     format: str | None = None
 
     def camera(self, side: str) -> Camera:
         return {"left": self.left, "right": self.right}[side]
+
+    @property
+    def origins(self) -> dict[str, str]:
+        """Side to the entry and the file that became this camera, as in "cam1 of chain.yaml" or "left.yaml".
+
+        Printable ASCII; files without their folders, but for as many as tell two of one name apart.
+        """
+        default = self.fields.get("K1", (self.source, None)), self.fields.get("K2", (self.source, None))
+        (where, entry), (other, its) = (self.fields.get(f"camera{n}", place) for n, place in zip("12", default))
+        if where != other and entry == its:
+            entry = its = None  # a file each
+        files = _told_apart(where, other)
+        return {
+            side: _printable(f"{entry} of {file}" if entry else file)
+            for side, entry, file in zip(SIDES, (entry, its), files)
+        }
 
     def scaled(self, width: int, height: int) -> "Rig":
         """The same rig with its images resampled to ``width`` x ``height`` px.
@@ -151,3 +172,22 @@ def unless_faulty(read: Callable) -> tuple:
         return read(), None
     except InputError as error:
         return None, error
+
+
+def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
+    """(3, 3): K of these, px, without skew."""
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
+
+
+def _told_apart(first, second):
+    """Both paths, cut down to as few of their last parts as make them differ; to the names alone if they are one."""
+    parts = [Path(path).parts for path in (str(first), str(second))]
+    count = 1
+    while first != second and count < max(map(len, parts)) and parts[0][-count:] == parts[1][-count:]:
+        count += 1
+    return ["/".join(each[-count:]) for each in parts]
+
+
+def _printable(text, most=100):
+    text = "".join(letter if " " <= letter <= "~" else "?" for letter in text)
+    return text if len(text) <= most else text[: most - 3] + "..."

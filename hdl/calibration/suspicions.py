@@ -94,8 +94,14 @@ def _baseline_of_projection(rig):
 
 
 def left_first(rig: Rig) -> Rig:
-    """``rig``, or the same with its cameras exchanged: for files that number cameras without naming their sides."""
-    return rig if _left_is_left(rig) else rig.exchanged()
+    """``rig``, or the same with its cameras exchanged, which is noted: for files that number cameras without naming
+    their sides."""
+    if _left_is_left(rig):
+        return rig
+    rig = rig.exchanged()
+    left, right = (rig.origins[side] for side in SIDES)
+    note = f"{rig.source}: as the cameras stand, the left one is {left}, the right one {right}"
+    return replace(rig, notes=(*rig.notes, note))
 
 
 def _left_is_left(rig):

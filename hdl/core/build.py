@@ -158,6 +158,7 @@ def build(view, options, top, progress=lambda step: None):
         top=top,
         camera={
             "side": view.side,
+            "source": view.entry,
             "model": view.camera.model,
             "K": view.camera.K.tolist(),
             "D": view.camera.D.tolist(),
@@ -211,11 +212,16 @@ def _dropped(view):
     return {axis: {"mean": shift.mean(), "max": shift.max()} for axis, shift in zip("uv", magnitudes)}
 
 
+def _source(view):
+    return f"Camera: {view.entry}.\n" if view.entry else ""
+
+
 def _header(top, view, datapath, options):
     pixel = f"{options.channels}x{options.pixel_bits}" if options.channels > 1 else options.pixel_bits
     return (
         f"{top}{MARK} {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
-        f"1 px/clock.\nDatapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
+        f"1 px/clock.\n{_source(view)}"
+        f"Datapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
         f"AXI4-Stream video in (s_axis) and out (m_axis), tuser: start of frame, tlast: end of line; aresetn is\n"
         f"synchronous. Accuracy, memory and latency: {top}.json."
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PLAN_VERSION = 2
+PLAN_VERSION = 3
 
 Row3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix3x3 = Annotated[list[Row3], Field(min_length=3, max_length=3)]
@@ -20,9 +20,11 @@ class _Entry(BaseModel):
 
 
 class CameraEntry(_Entry):
-    """The camera whose images the core takes; K and D for the plan's frame size, in px."""
+    """The camera whose images the core takes: the entry of the file that it was read from; K and D for the plan's frame
+    size, in px."""
 
     side: Literal["left", "right"]
+    source: str
     model: str
     K: Matrix3x3
     D: list[float]
@@ -109,7 +111,7 @@ class Plan(_Entry):
     null where nothing is left out.
     """
 
-    plan_version: Literal[2]
+    plan_version: Literal[3]
     top: str
     camera: CameraEntry
     rectification: RectificationEntry

@@ -61,6 +61,7 @@ class PlannedCore:
             self.plan.height,
             self.plan.lens,
             origin=self.plan.rectification.origin,
+            entry=camera.source,
             unit=self.plan.rectification.unit,
         )
 

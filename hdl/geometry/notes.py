@@ -13,7 +13,7 @@ LEAST_FILLED = 0.5  # share of the frame; rectified frames as people choose them
 
 def notes(rig: Rig, options: RectificationOptions, views: dict[str, View]) -> list[str]:
     """Lines for a user whose ``options`` turned ``rig`` into ``views``; none if there is nothing unusual."""
-    lines = []
+    lines = list(rig.notes)
     if (rig.rectification or rig.rectification_fault) and options.given:
         chosen = ", ".join(options.given)
         lines.append(f"{rig.source}: the rectification in the file is not used as it stands, because of {chosen}")

@@ -106,7 +106,7 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
     views = {
         side: View(
             side, rig.camera(side), *rectification[side], rig.width, rig.height, lens,
-            origin=_origin(rig, options), unit=rig.unit, geometry=culprit, fault=rig.fault,
+            origin=_origin(rig, options), entry=rig.origins[side], unit=rig.unit, geometry=culprit, fault=rig.fault,
         )
         for side, culprit in zip(SIDES, geometry)
     }  # fmt: skip

@@ -41,6 +41,8 @@ class View:
         Whether the map contains the lens. Without it, it is the homography of Eq. 2.
     origin : str
         Where R and P come from, in words.
+    entry : str
+        Which entry of which file describes the camera, in words; "" where there is none.
     unit : str or None
         "m" where the unit of the baseline in P is known.
     before : View or None
@@ -59,6 +61,7 @@ class View:
     height: int
     lens: bool
     origin: str = "given"
+    entry: str = ""
     unit: str | None = None
     before: "View | None" = field(default=None, repr=False)
     geometry: tuple[str, np.ndarray | None] = field(default=("R", None), repr=False)
