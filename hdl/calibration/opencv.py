@@ -7,13 +7,12 @@ Source: cv::FileStorage and samples/cpp/stereo_calib.cpp of OpenCV 4 and 5. cv2.
 broken files can take the interpreter down with it.
 """
 
-import math
 import re
 from dataclasses import replace
 
 import numpy as np
 
-from hdl.calibration import checks, lenses, motion, unnamed_lens
+from hdl.calibration import checks, lenses, matrices, motion, unnamed_lens
 from hdl.calibration.documents import Document
 from hdl.calibration.rig import SIDES, Camera, Rig, unless_faulty
 from hdl.errors import InputError
@@ -53,7 +52,6 @@ SIZE_PAIRS = (
 
 _CAMERA_MATRICES = "|".join(SPELLINGS["K1"] + SPELLINGS["K2"])
 _TRAITS = re.compile(rf'opencv-matrix|<opencv_storage|^[ \t]*"?(?:{_CAMERA_MATRICES})"?[ \t]*:', re.MULTILINE)
-_TYPE = re.compile(r"([1-9][0-9]{0,2})?[ucwsifdh]\Z")  # of elements: channels and depth
 _HINTS = {
     "K1": " (stereo_calib writes it to intrinsics.yml)",
     "R": " (stereo_calib writes it to a second file, extrinsics.yml)",
@@ -98,32 +96,7 @@ def _essence(value):
     return repr([value.get(key) for key in ("rows", "cols", "data")] if isinstance(value, dict) else value)
 
 
-def _shape(where, name, value):
-    """(rows, cols) of a matrix or of a sequence of rows, (n,) of a sequence. Several channels lie along the columns."""
-    if isinstance(value, list):
-        rows = [len(row) for row in value if isinstance(row, list)]
-        return (len(rows), rows[0]) if rows and rows == len(value) * rows[:1] else (len(value),)
-    if not isinstance(value, dict) or not {"rows", "cols", "data"} <= value.keys():
-        raise InputError(where, name, value, "a matrix with rows, cols, dt and data, or a sequence, is needed")
-    for key in ("rows", "cols"):
-        if not isinstance(value[key], int) or value[key] < 0:
-            raise InputError(where, f"{name}.{key}", value[key], "a whole number is needed")
-    kind = _TYPE.match(str(value.get("dt", "d")))
-    if not kind:
-        raise InputError(where, f"{name}.dt", value["dt"], "a matrix of numbers is needed")
-    return value["rows"], value["cols"] * int(kind.group(1) or 1)
-
-
-def _elements(where, name, value):
-    """File, field and the flat list of what a matrix, a sequence or a sequence of rows holds."""
-    if isinstance(value, dict):
-        return where, f"{name}.data", value.get("data")
-    if len(_shape(where, name, value)) == 2:
-        value = [item for row in value for item in row]
-    return where, name, value
-
-
-class _Storage:
+class _Storage(matrices.Entries):
     """The top-level fields of all documents together, found by role; ``fields`` remembers what was found where."""
 
     def __init__(self, documents):
@@ -180,14 +153,7 @@ class _Storage:
             both = self.vector("motion", (6,))
             self.fields |= dict.fromkeys("RT", self.fields["motion"])
             return motion.of_vector(*found[:2], both[:3]), both[3:]
-        return self.rotation(), self.vector("T", (3,))
-
-    def rotation(self):
-        """R (3, 3), from a matrix or a rotation vector."""
-        where, name, value = self._found_for("R")
-        if _shape(where, name, value) not in ((1, 3), (3, 1), (3,)):
-            return self.matrix("R", 3, 3)
-        return motion.of_vector(where, name, self.vector("R", (3,)))
+        return self.rotation("R"), self.vector("T", (3,))
 
     def rectification(self):
         """{side: (R, P)} or None."""
@@ -198,26 +164,7 @@ class _Storage:
             for side, number in zip(SIDES, "12")
         }
 
-    def matrix(self, role, rows, cols):
-        """float64 of shape (rows, cols), from a matrix, from a sequence row by row, or from a sequence of rows."""
-        where, name, value = self._found_for(role)
-        shape = _shape(where, name, value)
-        if len(shape) == 2 and shape != (rows, cols):
-            raise InputError(where, name, f"{shape[0]}x{shape[1]}", f"a {rows}x{cols} matrix is needed")
-        return checks.array(*_elements(where, name, value), (rows, cols))
-
-    def vector(self, role, counts):
-        """float64 of shape (n,), n in ``counts``, from a matrix of one row or one column, or from a sequence."""
-        where, name, value = self._found_for(role)
-        shape = _shape(where, name, value)
-        count = math.prod(shape)
-        if min(shape) > 1 and len(shape) == 2 or count not in counts:
-            accepted = " or ".join(map(str, counts))
-            found = "x".join(map(str, shape)) if len(shape) == 2 else f"{count} values"
-            raise InputError(where, name, found, f"{accepted} numbers in one row or column are needed")
-        return checks.array(*_elements(where, name, value), (count,))
-
-    def _found_for(self, role):
+    def entry(self, role):
         found = self.find(role)
         if not found:
             names = " or ".join(SPELLINGS[role][:2])
