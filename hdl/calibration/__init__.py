@@ -14,6 +14,8 @@ from dataclasses import replace
 from importlib import resources
 
 from hdl.calibration import (
+    aslam,
+    basalt,
     bouguet,
     checks,
     depthai,
@@ -23,9 +25,11 @@ from hdl.calibration import (
     kitti,
     matlab,
     mynt,
+    okvis,
     opencv,
     orbslam,
     orbslam3,
+    ov2slam,
     ros,
     suspicions,
     unnamed_lens,
@@ -40,7 +44,8 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
 FORMATS = (
-    ros, euroc, kalibr, kitti, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, bouguet, matlab, opencv,
+    ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam,
+    bouguet, matlab, opencv,
 )  # fmt: skip
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers

@@ -49,6 +49,16 @@ class Fields:
         """The mapping under ``key``."""
         return Fields(self.where, self.get(key), self.name(key))
 
+    def children(self, key) -> list["Fields"]:
+        """The mappings in the list under ``key``."""
+        content = self.get(key)
+        if not isinstance(content, list):
+            raise self.fault(key, content, "a list is needed here")
+        return [Fields(self.where, item, f"{self.name(key)}[{index}]") for index, item in enumerate(content)]
+
+    def numbers(self, *keys) -> list[float]:
+        return [self.number(key) for key in keys]
+
     def number(self, key) -> float:
         value = self.get(key)
         if not checks.is_number(value) or not math.isfinite(value):

@@ -8,12 +8,27 @@ from hdl.errors import InputError
 
 Motion = tuple[np.ndarray, np.ndarray]
 
+QUATERNION_TOLERANCE = 1e-3  # of its length from 1: files round
+
 
 def of_vector(where: str, field: str, vector: np.ndarray) -> np.ndarray:
     """The rotation, (3, 3), by ``vector``, rad. Raises InputError for one beyond a whole turn, as degrees are."""
     if not np.abs(vector).max() <= 2 * np.pi:
         raise InputError(where, field, vector.tolist(), "a rotation vector in rad is needed")
     return cv2.Rodrigues(vector)[0]
+
+
+def of_quaternion(where: str, field: str, x: float, y: float, z: float, w: float) -> np.ndarray:
+    """The rotation, (3, 3). Raises InputError unless x, y, z and w are of length 1, up to the digits of a file."""
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(length - 1) < QUATERNION_TOLERANCE:
+        raise InputError(where, field, [x, y, z, w], f"no rotation: the quaternion is of length {length:.4g}, not 1")
+    x, y, z, w = (part / length for part in (x, y, z, w))
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
 
 
 def inverse(motion: Motion) -> Motion:
