@@ -31,6 +31,7 @@ from hdl.calibration import (
     orbslam3,
     ov2slam,
     ros,
+    stella,
     suspicions,
     unnamed_lens,
     zed,
@@ -44,7 +45,7 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
 FORMATS = (
-    ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam,
+    ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam, stella,
     bouguet, matlab, opencv,
 )  # fmt: skip
 

@@ -32,7 +32,7 @@ def settled(rig: Rig) -> Rig:
     Without one, R becomes the rotation nearest to the digits of the file.
     """
     rig = _with_rectification(rig) if rig.rectification else replace(rig, R=nearest_rotation(rig.R))
-    for suspicion in (_sides, _centres, _aspects, _tangentials, _copies, _baseline):
+    for suspicion in (_sides, _centres, _aspects, _tangentials, _copies, _rectified, _baseline):
         rig = suspicion(rig)
     return rig
 
@@ -152,6 +152,15 @@ def _copies(rig):
     left, right = rig.left, rig.right
     if np.array_equal(left.K, right.K) and np.array_equal(left.D, right.D) and left.D.any():
         return rig.warned("K2", right.K, "both cameras have the same numbers to the last digit: one is a copy")
+    return rig
+
+
+def _rectified(rig):
+    left, right = rig.left, rig.right
+    equal = np.array_equal(left.K, right.K) and not left.D.any() and not right.D.any()
+    if equal and np.array_equal(rig.R, np.eye(3)) and not rig.T[1:].any():
+        problem = "these are cameras of images that are rectified already, which a core would leave as they are"
+        return rig.warned("K2", None, problem)
     return rig
 
 

@@ -292,7 +292,7 @@ class TestOrbslam3:
         assert rig.right.K[0].tolist() == [cameras[1]["intrinsics"][0], 0, cameras[1]["intrinsics"][2]]
 
     @pytest.mark.parametrize("change, message", [
-        ({"Camera.type": '"Rectified"'}, "Camera.type = Rectified: PinHole and KannalaBrandt8 are understood"),
+        ({"Camera.type": '"Fisheye"'}, "Camera.type = Fisheye: PinHole, KannalaBrandt8, Rectified are understood"),
         ({"Camera2.k4": "many"}, "Camera2.k4 = many: not a finite number"),
         ({"Camera.width": 0}, "Camera.width, Camera.height = 0x512: an image size must lie between"),
         ({"Stereo.T_c1_c2": [1, 2]}, "Stereo.T_c1_c2 = 2 values: 16 numbers are needed"),
