@@ -8,6 +8,7 @@ A further format is one module and its entry in ``FORMATS``. The module has
     SELECT          what ``select`` chooses in such a file, or None if there is nothing to choose
     recognises      document to bool: by content, never by the name of a file
     read            (documents, size, select) to Rig
+    accompanies     document to bool, if any do: by itself not of the format, but read with files that are
 """
 
 from dataclasses import replace
@@ -34,6 +35,7 @@ from hdl.calibration import (
     stella,
     suspicions,
     unnamed_lens,
+    vins,
     zed,
     zed_opencv,
 )
@@ -45,8 +47,8 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
 FORMATS = (
-    ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam, stella,
-    bouguet, matlab, opencv,
+    ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam, vins,
+    stella, bouguet, matlab, opencv,
 )  # fmt: skip
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
@@ -137,12 +139,18 @@ def _forced(format):
 
 
 def _recognised(document):
-    return any(candidate.recognises(document) for candidate in FORMATS)
+    return any(candidate.recognises(document) or _accompanies(candidate, document) for candidate in FORMATS)
+
+
+def _accompanies(candidate, document):
+    return hasattr(candidate, "accompanies") and candidate.accompanies(document)
 
 
 def _format(documents):
     for candidate in FORMATS:
-        if all(candidate.recognises(document) for document in documents):
+        recognised = [candidate.recognises(document) for document in documents]
+        others = [document for document, itself in zip(documents, recognised) if not itself]
+        if any(recognised) and all(_accompanies(candidate, document) for document in others):
             return candidate
     groups = {}
     for document in documents:
