@@ -31,10 +31,12 @@ from hdl.calibration import (
     orbslam,
     orbslam3,
     ov2slam,
+    plain,
     ros,
     stella,
     suspicions,
     unnamed_lens,
+    unreadable,
     vins,
     zed,
     zed_opencv,
@@ -48,7 +50,7 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 # The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
 FORMATS = (
     ros, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam, okvis, aslam, vins,
-    stella, bouguet, matlab, opencv,
+    stella, bouguet, matlab, plain, opencv,
 )  # fmt: skip
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
@@ -91,6 +93,8 @@ def load(
     documents = []
     for name in (path, *more):
         documents += folder.documents(name, recognised) if folder.is_folder(name) else [Document.open(name)]
+    for document in documents:
+        unreadable.refuse(document)
     reader = reader or _format(documents)
     if len(documents) > 1 and not reader.SEVERAL_FILES:
         problem = f"several calibrations ({reader.TITLE}), each complete in itself; name one"

@@ -4,6 +4,7 @@ Everything here raises InputError for what it refuses. Nothing in a file can run
 memory out of proportion to its size.
 """
 
+import io
 import json
 import re
 from dataclasses import dataclass
@@ -13,11 +14,12 @@ from pathlib import Path
 import yaml
 from defusedxml import DefusedXmlException, ElementTree
 
-from hdl.calibration import matfile
+from hdl.calibration import matfile, npzfile
 from hdl.errors import InputError
 
 MAX_BYTES = 1 << 20  # calibration files are a few kilobytes
 MAX_DEPTH = 32
+MAX_PARTS = 1_000
 MAX_ENTRIES = 100_000  # of YAML; each takes a kilobyte while it is read
 
 # The numbers of YAML 1.2 and of cv::FileStorage: 640, 0., 1.e-001, 1e5, .5, -.Inf, .Nan
@@ -26,17 +28,25 @@ _NUMBER = re.compile(r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[-+]?[0-9]+)?|\.n
 
 @dataclass(frozen=True)
 class Document:
-    """One file: ``name`` as the user gave it, and its ``text``; for MAT-files, which are not text, its ``data``."""
+    """One file: ``name`` as the user gave it, and its ``text``; of MAT-files, which are not text, its ``data``, and of
+    NumPy's archives the ``arrays``. ``first_line``: of a part of a file, how many lines go before it."""
 
     name: str
     text: str
     data: bytes = b""
+    arrays: dict | None = None
+    first_line: int = 0
 
     @classmethod
     def open(cls, path) -> "Document":
         try:
             with Path(path).open("rb") as file:
                 content = file.read(MAX_BYTES + 1)
+                if content.startswith(npzfile.MAGIC):
+                    archive = file if len(content) > MAX_BYTES else io.BytesIO(content)
+                    return cls(str(path), "", arrays=npzfile.read(str(path), archive))
+        except InputError:
+            raise
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
             raise InputError(path, None, None, f"cannot be read: {getattr(error, 'strerror', error)}") from None
         if len(content) > MAX_BYTES:
@@ -72,6 +82,20 @@ class Document:
         if not isinstance(content, dict):
             raise InputError(self.name, None, None, "not a calibration: there are no named fields in it")
         return content
+
+    @cached_property
+    def parts(self) -> list["Document"]:
+        """Those of the file's YAML documents that are not empty: what lines of ``---`` and ``...`` part."""
+        blocks, first = [], 0
+        lines = self.text.splitlines()
+        for number, line in enumerate([*lines, "..."]):
+            if line.rstrip() in ("---", "..."):
+                blocks.append((first, "\n".join(lines[first:number])))
+                first = number + 1
+        blocks = [block for block in blocks if block[1].strip()]
+        if len(blocks) > MAX_PARTS:
+            raise InputError(self.name, None, None, f"more than {MAX_PARTS} YAML documents in one file")
+        return [Document(self.name, text, first_line=first) for first, text in blocks]
 
     @cached_property
     def xml(self) -> dict:
@@ -147,7 +171,7 @@ class Document:
                 raise self._at(event.start_mark, f"nested more than {MAX_DEPTH} deep")
 
     def _at(self, mark, problem):
-        return InputError(self.name, mark and f"line {mark.line + 1}", None, problem)
+        return InputError(self.name, mark and f"line {self.first_line + mark.line + 1}", None, problem)
 
 
 def scalar(text: str) -> int | float | str:

@@ -3,6 +3,7 @@
 from itertools import islice
 from pathlib import Path
 
+from hdl.calibration import npzfile
 from hdl.calibration.documents import MAX_BYTES, Document
 from hdl.errors import InputError
 
@@ -42,10 +43,18 @@ def _files(folder, below=""):
     home = folder.resolve()
     for path in sorted(paths):
         try:
-            if path.resolve().is_relative_to(home) and path.is_file() and 0 < path.stat().st_size <= MAX_BYTES:
+            if path.resolve().is_relative_to(home) and path.is_file() and _may_be_one(path):
                 yield Document.open(path)
         except (InputError, OSError, RuntimeError):  # RuntimeError: links in a circle
             continue
+
+
+def _may_be_one(path):
+    size = path.stat().st_size
+    if size <= MAX_BYTES:
+        return size > 0
+    with path.open("rb") as file:  # NumPy's archives may be large, and are not read in whole
+        return file.read(len(npzfile.MAGIC)) == npzfile.MAGIC
 
 
 def _is(recognised, document):
