@@ -20,7 +20,10 @@ TITLE = "ROS camera_info (YAML pair)"
 SEVERAL_FILES = True
 SELECT = None
 
-_LENS = "distortion_model", "camera_model"
+SPELLED = {
+    "size": ("image_width", "image_height"), "K": "camera_matrix", "D": "distortion_coefficients",
+    "R": "rectification_matrix", "P": "projection_matrix", "lens": ("distortion_model", "camera_model"),
+}  # fmt: skip
 _NO_LENS = "pinhole"  # what camera_model says where the lens is another matter
 _TRAITS = [re.compile(rf"^{field}[ \t]*:", re.MULTILINE) for field in ("camera_matrix", "projection_matrix")]
 
@@ -37,12 +40,18 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     source = ", ".join(document.name for document in documents)
     if len(documents) != 2:
         raise InputError(source, None, None, "two camera_info files are needed, one of each camera")
-    left, right = sorted(map(_Info, documents), key=lambda info: -info.P[:2, 3].sum())
+    return pair(source, [Info(Fields(document.name, document.yaml)) for document in documents])
+
+
+def pair(source: str, infos: list["Info"]) -> Rig:
+    """The rig of two cameras, in any order, from ``source``. Raises InputError as :func:`read`."""
+    left, right = sorted(infos, key=lambda info: -info.P[:2, 3].sum())
     if not (left.P[:2, 3].any() or right.P[:2, 3].any()):
         problem = "no baseline in either file: the cameras were calibrated one by one; calibrate them as a pair"
-        raise right.fields.fault("projection_matrix", right.P.tolist(), problem)
+        raise right.fault("P", right.P.tolist(), problem)
     if left.size != right.size:
-        raise InputError(right.where, right.size_field, "x".join(map(str, right.size)), f"not the size in {left.where}")
+        problem = f"not the size in {left.called}"
+        raise right.fault("size", "x".join(map(str, right.size)), problem)
     R, T = motion.of_rectification(left.R, left.P, right.R, right.P)
     rig = Rig(
         source=source,
@@ -55,52 +64,68 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
         unit="m",
         rectification={"left": (left.R, left.P), "right": (right.R, right.P)},
         fields={
-            "size": (left.where, left.size_field),
+            "size": left.place("size"),
             **left.roles("1"),
             **right.roles("2"),
-            "R": (right.where, "rectification_matrix"),
-            "T": (right.where, "projection_matrix"),
+            "R": right.place("R"),
+            "T": right.place("P"),
         },
     )
     for info, other in ((left, "right"), (right, "left")):
-        name = info.fields.get("camera_name") if "camera_name" in info.fields else None
-        if isinstance(name, str) and other in name.lower():
-            text = InputError(info.where, "camera_name", name, f"yet by projection_matrix it is not the {other} one")
-            rig = rig.warned_as(text)
+        if info.name and other in f"{info.name[0]} {info.name[1]}".lower():
+            problem = f"yet by {info.spelled['P']} it is not the {other} one"
+            rig = rig.warned_as(InputError(info.where, *info.name, problem))
         rig = info.warned_of_crop(rig)
     return rig
 
 
-class _Info:
-    """One camera_info file."""
+class Info:
+    """One camera's camera_info.
 
-    size_field = "image_width, image_height"
+    Parameters
+    ----------
+    fields : Fields
+        With a prefix where a file has more than one.
+    spelled : dict
+        What the entries are called; "lens" only where the form has such entries: the first that says anything counts.
+    name : (field, value), optional
+        What the camera is called, and where it says so; either may tell its side.
+    """
 
-    def __init__(self, document):
-        self.where = document.name
-        self.fields = fields = Fields(document.name, document.yaml)
-        width, height = (checks.whole(self.where, name, fields.get(name)) for name in ("image_width", "image_height"))
-        self.size = checks.image_size(self.where, self.size_field, width, height)
-        self.camera = self._camera(fields.matrix("camera_matrix", 3, 3))
-        self.R = checks.rotation(self.where, "rectification_matrix", fields.matrix("rectification_matrix", 3, 3))
-        P = fields.matrix("projection_matrix", 3, 4, finite=False)
-        self.P = motion.projection(self.where, "projection_matrix", P)
+    def __init__(self, fields: Fields, spelled: dict = SPELLED, name: tuple | None = None):
+        self.fields, self.spelled, self.where = fields, spelled, fields.where
+        self.name = ("camera_name", fields.get("camera_name")) if "camera_name" in fields else name
+        self.called = " of ".join(part for part in (fields.prefix, fields.where) if part)
+        size = (checks.whole(self.where, fields.name(key), fields.get(key)) for key in spelled["size"])
+        self.size = checks.image_size(*self.place("size"), *size)
+        self.camera = self._camera(fields.matrix(spelled["K"], 3, 3))
+        self.R = checks.rotation(*self.place("R"), fields.matrix(spelled["R"], 3, 3))
+        self.P = motion.projection(*self.place("P"), fields.matrix(spelled["P"], 3, 4, finite=False))
 
     def _camera(self, K):
-        D = self.fields.vector("distortion_coefficients", unnamed_lens.COUNTS)
-        for name in _LENS:
-            if name in self.fields and self.fields.get(name) not in (None, "", _NO_LENS):
-                return Camera(lenses.model(self.where, name, self.fields.get(name), D), K, D)
+        D = self.fields.vector(self.spelled["D"], unnamed_lens.COUNTS)
+        for key in self.spelled["lens"]:
+            if key in self.fields and self.fields.get(key) not in (None, "", _NO_LENS):
+                return Camera(lenses.model(self.where, self.fields.name(key), self.fields.get(key), D), K, D)
         return unnamed_lens.camera(K, D)
 
-    def roles(self, number):
-        names = {"K": "camera_matrix", "D": "distortion_coefficients", "R": "rectification_matrix",
-                 "P": "projection_matrix"}  # fmt: skip
-        if not self.camera.named:
-            names["model"] = _LENS[0]
-        return {role + number: (self.where, name) for role, name in names.items()}
+    def place(self, role: str) -> tuple[str, str]:
+        """The file, and what the entry is called in it."""
+        entry = self.spelled[role]
+        return self.where, self.fields.name(entry if isinstance(entry, str) else ", ".join(entry))
 
-    def warned_of_crop(self, rig):
+    def fault(self, role: str, value, problem: str) -> InputError:
+        return InputError(*self.place(role), value, problem)
+
+    def roles(self, number: str) -> dict[str, tuple[str, str | None]]:
+        """For `Rig.fields`."""
+        places = {role + number: self.place(role) for role in "KDRP"}
+        places["camera" + number] = self.where, self.fields.prefix or None
+        if not self.camera.named and self.spelled["lens"]:
+            places["model" + number] = self.where, self.fields.name(self.spelled["lens"][0])
+        return places
+
+    def warned_of_crop(self, rig: Rig) -> Rig:
         """K counts pixels of the whole sensor; binning and a region of interest make the images something else."""
         for axis in "xy":
             key = f"binning_{axis}"
