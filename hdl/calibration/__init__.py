@@ -33,6 +33,7 @@ from hdl.calibration import (
     ost,
     ov2slam,
     plain,
+    realsense,
     ros,
     ros_message,
     stella,
@@ -51,8 +52,8 @@ __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
 
 # The first that recognises a file reads it. OpenCV's come last: others are written in its YAML too.
 FORMATS = (
-    ros, ros_message, ost, euroc, kalibr, kitti, basalt, depthai, zed, zed_opencv, mynt, orbslam, orbslam3, ov2slam,
-    okvis, aslam, vins, stella, bouguet, matlab, plain, opencv,
+    ros, ros_message, ost, euroc, kalibr, kitti, basalt, depthai, realsense, zed, zed_opencv, mynt, orbslam, orbslam3,
+    ov2slam, okvis, aslam, vins, stella, bouguet, matlab, plain, opencv,
 )  # fmt: skip
 
 STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
