@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from calibration_files import RIG, as_yaml, refusal, write
 from format_files import RIGS, bouguet_camera, matlab
+from forms import FORMS
 from scipy.io import savemat
 
 from hdl.calibration import FORMATS, load
@@ -41,6 +42,16 @@ def test_only_formats_of_plain_matrices_recognise_what_another_does(name):
         document = Document.open(path)
         recognising = [format.NAME for format in FORMATS if format.recognises(document)]
         assert len(set(recognising) - {"opencv", "plain"}) == (name not in ("mrpt", "unlook_1280", "unlook_1456"))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_each_form_is_recognised_by_its_content_alone(name):
+    """Whatever the files are called; only VINS finds its cameras by their names."""
+    for path in FORMS[name].write():
+        document = Document.open(path)
+        recognising = [format.NAME for format in FORMATS if format.recognises(document)]
+        assert recognising[0] == name.split(" ")[0]
+        assert set(recognising) <= {recognising[0], "opencv", "plain"}
 
 
 def test_format_can_be_forced():

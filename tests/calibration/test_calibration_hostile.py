@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from calibration_files import RECTIFICATION, RIG, as_xml, as_yaml, refusal, write
 from format_files import RIGS, bouguet_camera, matlab
+from forms import FORMS
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
@@ -28,10 +29,12 @@ FUZZ = settings(
 
 TEXTS = {
     "ros": "ps4eye", "euroc": "mynteye_s_jpl", "kalibr": "tum_vi", "kitti": "kitti", "depthai": "oakd", "zed": "zed",
-    "zed-opencv": "zed_tool",
-    "mynt": "mynteye_s1030_pinhole", "mynt_fisheye": "mynteye_s1030_equidistant", "orbslam": "euroc_orbslam",
+    "zed-opencv": "zed_tool", "mynt": "mynteye_s1030_pinhole", "mynt fisheye": "mynteye_s1030_equidistant",
+    "orbslam": "euroc_orbslam",
     "orbslam3": "tum_vi_orbslam3",
 }  # fmt: skip
+FILES = {name: RIGS[rig] for name, rig in TEXTS.items()} | FORMS  # the name begins with the format's
+SAME_NAMES = {("plain", "opencv"), ("zed-opencv", "plain")}  # files of the one are of the other, too
 TOKENS = [
     "", "nan", ".nan", "-.inf", "1e308", "-1e308", "1e-308", "9" * 400, "0", "-1", "1e999", "0x10", "1_000", "１",
     "true", "null", "[", "]", "{", "}", "[]", "{}", ":", ": ", "- ", "\n", "\t", "\0", '"', "'", "&a ", "*a", "!!int ",
@@ -74,16 +77,16 @@ def encoded(text):
     return text.encode("utf-8", "surrogatepass")
 
 
-@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("name", FILES)
 @FUZZ
 @given(data=st.data())
 def test_damaged_text_is_read_or_refused(name, data):
-    files = RIGS[TEXTS[name]]
+    files = FILES[name]
     names = list(files.contents)
     victim = data.draw(st.sampled_from(names))
     for other, content in files.contents.items():
         write(encoded(data.draw(damaged(content)) if other == victim else content), other)
-    read_or_refused(*names, format=name.split("_")[0])
+    read_or_refused(*names, format=name.split(" ")[0])
 
 
 # Of a lens without a name, and with sequences for vectors.
@@ -100,21 +103,21 @@ def test_damaged_opencv_file_is_read_or_refused(form, change, data):
 
 @pytest.mark.parametrize("name", NAMES)
 @FUZZ
-@given(content=st.one_of(st.binary(max_size=200), st.text(max_size=200).map(encoded), st.sampled_from(list(TEXTS))))
+@given(content=st.one_of(st.binary(max_size=200), st.text(max_size=200).map(encoded), st.sampled_from(list(FILES))))
 def test_any_file_is_refused_by_a_format_that_it_is_not_of(name, content):
     if isinstance(content, str):
-        own, content = content.split("_")[0], encoded(next(iter(RIGS[TEXTS[content]].contents.values())))
-        if own == name:
+        own, content = content.split(" ")[0], encoded(next(iter(FILES[content].contents.values())))
+        if own == name or (own, name) in SAME_NAMES:
             return
     for paths in ([write(content)], [write(content), write(content, "again")]):
         assert refusal(*paths, format=name)
 
 
-@pytest.mark.parametrize("name", ["kalibr", "kitti", "depthai", "zed", "mynt"])
+@pytest.mark.parametrize("name", ["kalibr", "kitti", "depthai", "zed", "mynt", "basalt", "okvis", "realsense"])
 @FUZZ
 @given(select=st.one_of(st.text(max_size=12), st.from_regex(r"(cam|CAM_)?[0-9A-C]{1,2},(cam|CAM_)?[0-9]{1,2}")))
 def test_any_choice_is_understood_or_refused(name, select):
-    files = RIGS[TEXTS[name]]
+    files = FILES[name]
     read_or_refused(*[write(content, path) for path, content in files.contents.items()], select=select)
 
 
@@ -124,7 +127,11 @@ def test_any_choice_is_understood_or_refused(name, select):
     lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(
         st.sampled_from(["cameraData", "stereoRectificationData", "extrinsics", "width", "height", "x", "y", "z",
                          "leftCameraSocket", "rightCameraSocket", "translation", "intrinsicMatrix", "cameraType",
-                         "cam0", "cam1", "img_params", "intrinsics", "T_BS", "resolution", "rows", "cols", "data"]),
+                         "cam0", "cam1", "img_params", "intrinsics", "T_BS", "resolution", "rows", "cols", "data",
+                         "cameras", "T_SC", "camera", "T_B_C", "distortion", "type", "T_imu_cam", "camera_type",
+                         "K1", "D1", "K2", "D2", "R", "T", "left", "K", "D", "size", "unit", "model",
+                         "fisheye", "k", "p", "header",
+                         "Camera", "StereoRectifier", "Camera.type", "Tlr", "cam0_calib", "transform"]),
         inner, max_size=6)), max_leaves=20))  # fmt: skip
 def test_any_structure_is_read_or_refused(value):
     path = write(encoded(json.dumps(value)))
@@ -153,6 +160,22 @@ HOSTILE = {
              "img_params:\n" + "   - {model: 0, width: 640, height: 400}\n" * 4_000],
     "orbslam": [ALIASES + "LEFT.K: *k", "LEFT.K: !!opencv-matrix\n  rows: 9999999999\n  cols: 1\n  data: [ 1 ]"],
     "orbslam3": [ALIASES + "Camera1.fx: *k\nCamera2.fx: *k", "Camera1.fx: 1\nCamera2.fx: " + "[" * 300_000],
+    "basalt": ['{"T_imu_cam": ' + "[" * 500_000 + '"camera_type": 1',
+               '{"T_imu_cam": [' + "{}," * 200_000 + '{}], "camera_type": 1}'],
+    "okvis": ["cameras:\n" + "- {T_SC: 1}\n" * 30_000, ALIASES + "cameras: *k\nT_SC: 1"],
+    "aslam": ["cameras:\n" + "- {T_B_C: 1}\n" * 30_000],
+    "ov2slam": ["Camera.fxl: " + "{a: " * 200_000],
+    "vins": ["cam0_calib: " + "x" * 900_000, "model_type: " + "[" * 300_000, "cam0_calib: /dev/zero\ncam1_calib: x\n"],
+    "stella": ["StereoRectifier: " + "[" * 300_000, "".join(f"StereoRectifier.K_left{n}: 1\n" for n in range(20_000))],
+    "realsense": ['Intrinsic of "a" / 640x480 / {}\n' * 25_000, 'Intrinsic of "Infrared 1" / ' + "9" * 900_000,
+                  'Extrinsic from "a" To "b"\nIntrinsic of "a" / 1x1 / {}\n' + "1 " * 400_000],
+    "ros-message": ["height:\nk:\np:\n" + "---\n" * 200_000, "height: 1\nk: 1\np: 1\n---\n" * 3_000,
+                    "height: 1\nk: [" + "1, " * 300_000 + "]\np: 1"],
+    "ost": ["[image]\ncamera matrix\nprojection\n" * 20_000,
+            "[image]\ncamera matrix\n" + "1 " * 400_000 + "\nprojection\n",
+            "[image]\n" * 100_000 + "camera matrix\nprojection\n"],
+    "plain": ['{"K1": ' + "[" * 900_000, "K1: [1]\n" * 50_000, '{"K1": [' + "1," * 400_000 + "1]}",
+              '{"left": {"left": {"K1": [' + "[1]," * 50_000 + "[1]]}}}", "a b " * 250_000 + ": [1]\nK1: [1]"],
 }  # fmt: skip
 
 

@@ -218,9 +218,9 @@ def test_list_of_images_is_not_taken_for_a_calibration():
 )
 def test_hostile_files_are_refused_at_once(hostile):
     path = write(hostile)
-    start = time.monotonic()
+    start = time.process_time()
     refusal(path)
-    assert time.monotonic() - start < 2
+    assert time.process_time() - start < 2
 
 
 @pytest.mark.parametrize("form", [as_yaml, as_xml])
