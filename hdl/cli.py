@@ -16,7 +16,6 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-import hdl
 from hdl.errors import InputError, ToolError
 
 _UNWRITTEN = (errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EFBIG)
@@ -68,7 +67,7 @@ def run(command, arguments=None):
     ``arguments``: list of str; default: the process's own.
     """
     warnings.simplefilter("ignore", UnusedElaboratable)  # of what an interruption leaves half built
-    if signal.getsignal(signal.SIGINT) is hdl.exit_interrupted:
+    if callable(signal.getsignal(signal.SIGINT)):  # `hdl.exit_when_interrupted`'s, if any
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # names of files that the terminal has no letters for

@@ -24,7 +24,7 @@ from hdl.geometry.rectification import RectificationOptions, View, rectify
 from hdl.lens import LENS_MODELS
 
 
-@click.command()
+@click.command("calibration")
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "--format",

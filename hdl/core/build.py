@@ -9,6 +9,7 @@ import numpy as np
 
 from hdl.arithmetic.cost import GOALS
 from hdl.core.plan import PLAN_VERSION, Plan
+from hdl.core.versions import versions
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.selection import choose, fit
 from hdl.errors import BudgetError, InputError
@@ -195,6 +196,7 @@ def build(view, options, top, progress=lambda step: None):
             }
             for entry in considered
         ],
+        versions=versions(),
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
     return Core(parameters, exact, text, plan)

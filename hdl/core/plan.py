@@ -108,7 +108,7 @@ class Plan(_Entry):
     """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned).
 
     ``distortion_dropped`` is what a core without the lens leaves out: how far the lens moves the source of a pixel;
-    null where nothing is left out.
+    null where nothing is left out. ``versions`` are those of the programs that decide the text.
     """
 
     plan_version: Literal[3]
@@ -132,6 +132,7 @@ class Plan(_Entry):
     max_error_requested: float | None
     error: ErrorEntry
     considered: list[ConsideredEntry]
+    versions: dict[str, str]
     verilog_sha256: str
     plan_sha256: str
 

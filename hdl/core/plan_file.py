@@ -14,6 +14,7 @@ from hdl.calibration.rig import SIDES, Camera, Rig
 from hdl.cli import GREATEST_SIZE, LEAST_SIZE
 from hdl.core.build import MARK, Options, build
 from hdl.core.plan import PLAN_VERSION, Plan
+from hdl.core.versions import elsewhere
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import InputError
@@ -84,17 +85,19 @@ class PlannedCore:
             options = _options(plan, budget)
             core = build(self.view, options, plan.top, progress)
         except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as problem:
-            raise InputError(self.file, "datapath", plan.datapath, f"cannot be rebuilt: {problem}") from problem
+            problem = f"cannot be rebuilt{elsewhere(plan.versions)}: {problem}"
+            raise InputError(self.file, "datapath", plan.datapath, problem) from None
         found, stated = core.plan.model_dump(), plan.model_dump()
-        for name in ("considered", "max_error_requested", "verilog_sha256", "plan_sha256"):
+        for name in ("considered", "max_error_requested", "versions", "verilog_sha256", "plan_sha256"):
             found[name] = stated[name]
         found["rectification"]["minimised"] = stated["rectification"]["minimised"]
         difference = _difference(found, stated)
         if difference:
             field, value, rebuilt = difference
-            raise InputError(self.file, field, value, f"rebuilding the core gives {_short(rebuilt)}; generate it anew")
+            problem = f"rebuilding the core gives {_short(rebuilt)}{elsewhere(plan.versions)}; generate it anew"
+            raise InputError(self.file, field, value, problem)
         if core.verilog != self.verilog:
-            problem = "rebuilding the core gives another Verilog; generate it anew"
+            problem = f"rebuilding the core gives another Verilog{elsewhere(plan.versions)}; generate it anew"
             raise InputError(self.file, "verilog_sha256", plan.verilog_sha256, problem)
         if plan.digest() != plan.plan_sha256:
             raise InputError(self.file, "plan_sha256", plan.plan_sha256, "the plan was changed; generate it anew")

