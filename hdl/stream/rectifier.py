@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from amaranth import Cat, ClockDomain, ClockSignal, Module, ResetSignal, Signal
-from amaranth.lib import wiring
+from amaranth.lib import stream, wiring
+from amaranth.lib.data import StructLayout
 from amaranth.lib.wiring import In, Out
 
 from hdl.datapaths.base import Datapath
@@ -44,7 +46,7 @@ class RectifierParameters:
     channels: int = 1
     border: Border = Border()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if (self.pixel_bits, self.channels) not in PIXEL_FORMATS:
             formats = ", ".join(f"{channels}x{bits}" for bits, channels in PIXEL_FORMATS)
             raise ValueError(f"pixels are one of {formats} bits, not {self.channels}x{self.pixel_bits}")
@@ -54,7 +56,7 @@ class RectifierParameters:
             raise ValueError(f"a row of {self.datapath.width} px is shorter than the pipeline")
 
     @cached_property
-    def line_buffer(self):
+    def line_buffer(self) -> LineBufferParameters:
         """The `LineBufferParameters`; its window is that of the integer model's taps, at every pixel."""
         datapath = self.datapath
         coordinates = datapath.coordinates
@@ -73,17 +75,17 @@ class RectifierParameters:
         )
 
     @property
-    def tdata_width(self):
+    def tdata_width(self) -> int:
         """Bits of tdata: the pixel, padded to whole bytes."""
         return -(-self.pixel_bits * self.channels // 8) * 8
 
     @property
-    def pipeline_latency(self):
+    def pipeline_latency(self) -> int:
         """Clocks from the issue of a position to its pixel at m_axis."""
         return self.datapath.latency + LineBuffer.latency + Bilinear.latency
 
     @property
-    def latency_cycles(self):
+    def latency_cycles(self) -> int:
         """Clocks from the beat that brings a frame's first pixel to the beat that takes the first one away.
 
         With input without blanking and an output that is always ready.
@@ -119,7 +121,7 @@ class Rectifier(wiring.Component):
     Source: AMBA AXI4-Stream; AMD UG934 for video.
     """
 
-    def __init__(self, parameters):
+    def __init__(self, parameters: RectifierParameters) -> None:
         self._parameters = parameters
         super().__init__(
             {
@@ -138,82 +140,134 @@ class Rectifier(wiring.Component):
             }
         )
 
-    def elaborate(self, platform):
+    def elaborate(self, platform: Any) -> Module:
         m = Module()
-        p = self._parameters
-        width, height = p.datapath.width, p.datapath.height
         m.domains.sync = ClockDomain(local=True)
         m.d.comb += [ClockSignal().eq(self.aclk), ResetSignal().eq(~self.aresetn)]
-
-        m.submodules.capture = capture = Capture(width, height)
-        m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead)
-        m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up)
-        m.submodules.datapath = datapath = p.datapath.component()
-        m.submodules.line_buffer = line_buffer = LineBuffer(p.line_buffer)
-        m.submodules.bilinear = bilinear = Bilinear(p.pixel_bits, p.channels, p.datapath.fraction_bits)
-
-        enable = Signal()
-        warm = Signal(init=not p.datapath.warm_up)
-        step = Signal()
-        issue = Signal()
-        if p.datapath.warm_up:
-            with m.If(step & raster.end_of_frame):
-                m.d.sync += warm.eq(1)
-        m.d.comb += [
-            enable.eq(~self.m_axis_tvalid | self.m_axis_tready),
-            step.eq(enable & (flow.may_issue | ~warm)),
-            issue.eq(step & warm),
-            # s_axis to the line buffer
-            capture.valid.eq(self.s_axis_tvalid),
-            self.s_axis_tready.eq(capture.ready),
-            capture.sof.eq(self.s_axis_tuser),
-            capture.eol.eq(self.s_axis_tlast),
-            capture.may_write.eq(flow.may_write),
-            line_buffer.write.eq(capture.write),
-            line_buffer.x.eq(capture.x),
-            line_buffer.pixel.eq(self.s_axis_tdata),
-            line_buffer.row_written.eq(capture.row_written),
-            # rows in and rows out
-            flow.row_written.eq(capture.row_written),
-            flow.frame_written.eq(capture.frame_written),
-            flow.row_issued.eq(issue & raster.end_of_line),
-            flow.frame_issued.eq(issue & raster.end_of_frame),
-            # raster positions to coordinates
-            raster.step.eq(step),
-            datapath.enable.eq(enable),
-            datapath.step.eq(step),
-            datapath.x.eq(raster.x),
-            datapath.y.eq(raster.y),
-            datapath.end_of_line.eq(raster.end_of_line),
-            datapath.end_of_frame.eq(raster.end_of_frame),
-            # coordinates to windows to pixels
-            line_buffer.enable.eq(enable),
-            line_buffer.u.eq(datapath.u),
-            line_buffer.v.eq(datapath.v),
-            bilinear.enable.eq(enable),
-            bilinear.taps.eq(line_buffer.taps),
-            bilinear.fx.eq(line_buffer.fx),
-            bilinear.fy.eq(line_buffer.fy),
-            bilinear.odd_column.eq(line_buffer.odd_column),
-            bilinear.odd_row.eq(line_buffer.odd_row),
-            self.m_axis_tdata.eq(bilinear.pixel),
-        ]
-
-        # What travels beside the pixel. Only the bits that act have a reset, so the others become shift registers.
-        def delayed(name, signal, clocks, reset_less):
-            if not clocks:
-                return signal
-            stages = Signal(clocks, name=name, reset_less=reset_less)
-            with m.If(enable):
-                m.d.sync += stages.eq(Cat(signal, stages))
-            return stages[-1]
-
-        to_window, to_output = p.datapath.latency, p.pipeline_latency
-        m.d.comb += [
-            line_buffer.end_of_line.eq(delayed("row_end", issue & raster.end_of_line, to_window, False)),
-            line_buffer.end_of_frame.eq(delayed("frame_end", raster.end_of_frame, to_window, True)),
-            self.m_axis_tvalid.eq(delayed("valid", issue, to_output, False)),
-            self.m_axis_tuser.eq(delayed("start_of_frame", raster.start_of_frame, to_output, True)),
-            self.m_axis_tlast.eq(delayed("end_of_line", raster.end_of_line, to_output, True)),
-        ]
+        s_axis, m_axis = (
+            _Pixels(*(getattr(self, f"{name}_{part}") for part in ("tvalid", "tready", "tdata", "tuser", "tlast")))
+            for name in ("s_axis", "m_axis")
+        )
+        _connect(m, self._parameters, s_axis, m_axis)
         return m
+
+
+class StreamRectifier(wiring.Component):
+    """A `Rectifier` for one's own Amaranth design: in its domain ``sync``, with Amaranth's streams.
+
+    Parameters
+    ----------
+    parameters : RectifierParameters
+
+    Members
+    -------
+    i, o : In(stream), Out(stream)
+        Source frames and rectified frames, one pixel a beat. Payload: ``pixel`` (the channels, the first in the low
+        bits), ``start_of_frame``, ``end_of_line``.
+    """
+
+    i: Any
+    o: Any
+
+    def __init__(self, parameters: RectifierParameters) -> None:
+        self._parameters = parameters
+        pixels = stream.Signature(
+            StructLayout({"pixel": parameters.pixel_bits * parameters.channels, "start_of_frame": 1, "end_of_line": 1})
+        )
+        super().__init__({"i": In(pixels), "o": Out(pixels)})
+
+    def elaborate(self, platform: Any) -> Module:
+        m = Module()
+        s_axis, m_axis = (
+            _Pixels(way.valid, way.ready, way.p.pixel, way.p.start_of_frame, way.p.end_of_line)
+            for way in (self.i, self.o)
+        )
+        _connect(m, self._parameters, s_axis, m_axis)
+        return m
+
+
+@dataclass(frozen=True)
+class _Pixels:
+    """The signals of a stream of pixels, by their names in AXI4-Stream."""
+
+    tvalid: Any
+    tready: Any
+    tdata: Any
+    tuser: Any
+    tlast: Any
+
+
+def _connect(m: Module, p: RectifierParameters, s_axis: _Pixels, m_axis: _Pixels) -> None:
+    """The blocks of a rectifier in ``m``, between the two streams."""
+    width, height = p.datapath.width, p.datapath.height
+    m.submodules.capture = capture = Capture(width, height)
+    m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead)
+    m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up)
+    m.submodules.datapath = datapath = p.datapath.component()
+    m.submodules.line_buffer = line_buffer = LineBuffer(p.line_buffer)
+    m.submodules.bilinear = bilinear = Bilinear(p.pixel_bits, p.channels, p.datapath.fraction_bits)
+
+    enable = Signal()
+    warm = Signal(init=not p.datapath.warm_up)
+    step = Signal()
+    issue = Signal()
+    if p.datapath.warm_up:
+        with m.If(step & raster.end_of_frame):
+            m.d.sync += warm.eq(1)
+    m.d.comb += [
+        enable.eq(~m_axis.tvalid | m_axis.tready),
+        step.eq(enable & (flow.may_issue | ~warm)),
+        issue.eq(step & warm),
+        # s_axis to the line buffer
+        capture.valid.eq(s_axis.tvalid),
+        s_axis.tready.eq(capture.ready),
+        capture.sof.eq(s_axis.tuser),
+        capture.eol.eq(s_axis.tlast),
+        capture.may_write.eq(flow.may_write),
+        line_buffer.write.eq(capture.write),
+        line_buffer.x.eq(capture.x),
+        line_buffer.pixel.eq(s_axis.tdata),
+        line_buffer.row_written.eq(capture.row_written),
+        # rows in and rows out
+        flow.row_written.eq(capture.row_written),
+        flow.frame_written.eq(capture.frame_written),
+        flow.row_issued.eq(issue & raster.end_of_line),
+        flow.frame_issued.eq(issue & raster.end_of_frame),
+        # raster positions to coordinates
+        raster.step.eq(step),
+        datapath.enable.eq(enable),
+        datapath.step.eq(step),
+        datapath.x.eq(raster.x),
+        datapath.y.eq(raster.y),
+        datapath.end_of_line.eq(raster.end_of_line),
+        datapath.end_of_frame.eq(raster.end_of_frame),
+        # coordinates to windows to pixels
+        line_buffer.enable.eq(enable),
+        line_buffer.u.eq(datapath.u),
+        line_buffer.v.eq(datapath.v),
+        bilinear.enable.eq(enable),
+        bilinear.taps.eq(line_buffer.taps),
+        bilinear.fx.eq(line_buffer.fx),
+        bilinear.fy.eq(line_buffer.fy),
+        bilinear.odd_column.eq(line_buffer.odd_column),
+        bilinear.odd_row.eq(line_buffer.odd_row),
+        m_axis.tdata.eq(bilinear.pixel),
+    ]
+
+    # What travels beside the pixel. Only the bits that act have a reset, so the others become shift registers.
+    def delayed(name: str, signal: Any, clocks: int, reset_less: bool) -> Any:
+        if not clocks:
+            return signal
+        stages = Signal(clocks, name=name, reset_less=reset_less)
+        with m.If(enable):
+            m.d.sync += stages.eq(Cat(signal, stages))
+        return stages[-1]
+
+    to_window, to_output = p.datapath.latency, p.pipeline_latency
+    m.d.comb += [
+        line_buffer.end_of_line.eq(delayed("row_end", issue & raster.end_of_line, to_window, False)),
+        line_buffer.end_of_frame.eq(delayed("frame_end", raster.end_of_frame, to_window, True)),
+        m_axis.tvalid.eq(delayed("valid", issue, to_output, False)),
+        m_axis.tuser.eq(delayed("start_of_frame", raster.start_of_frame, to_output, True)),
+        m_axis.tlast.eq(delayed("end_of_line", raster.end_of_line, to_output, True)),
+    ]
