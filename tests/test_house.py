@@ -42,7 +42,7 @@ def test_an_import_from_a_floor_above_is_found(tmp_path):
     assert "hdl.arithmetic.fixedpoint -> hdl.core.plan" in result.stdout
 
 
-@pytest.mark.parametrize("folder", ["hdl", "sim", "scripts", "tests"])
+@pytest.mark.parametrize("folder", ["hdl", "sim", "scripts", "tests", "examples"])
 def test_no_file_is_longer_than_a_reader_likes(folder):
     lengths = {
         str(file.relative_to(ROOT)): len(file.read_text().splitlines()) for file in (ROOT / folder).rglob("*.py")
