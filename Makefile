@@ -17,6 +17,7 @@ demo: $(VENV)/ready
 
 test: $(VENV)/ready-for-tests
 	$(BIN)/ruff check
+	$(BIN)/mypy
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto
 	$(BIN)/python -m scripts.table1 --check
 	$(BIN)/python -m scripts.resources --check

@@ -17,7 +17,7 @@ def exit_when_interrupted() -> None:
     failed import. There is nothing to clean up yet. `hdl.cli.run` takes over.
     """
 
-    def end(number, frame):
+    def end(number: int, frame: object) -> None:
         os.write(2, b"interrupted\n")
         os._exit(130)
 

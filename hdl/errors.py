@@ -1,7 +1,9 @@
 """The exceptions that reach a user as a message instead of a traceback, and what constructors check by."""
 
+from pathlib import Path
 
-def at_least(least, **parameters):
+
+def at_least(least: float, **parameters: float) -> None:
     """Raise ValueError, naming it, for the first of ``parameters`` that is below ``least``."""
     for name, value in parameters.items():
         if value < least:
@@ -23,13 +25,13 @@ class InputError(ValueError):
         What is wrong and, where it helps, what would be right.
     """
 
-    def __init__(self, where, field, value, problem):
+    def __init__(self, where: str | Path | None, field: str | None, value: object, problem: str) -> None:
         location = " = ".join(part for part in (field, _one_line(value)) if part)
         super().__init__(": ".join(str(part) for part in (where, location, problem) if part))
         self.problem = problem
 
 
-def _one_line(value, limit=80):
+def _one_line(value: object, limit: int = 80) -> str | None:
     if value is None:
         return None
     text = " ".join(str(value).split())
@@ -54,6 +56,6 @@ class BudgetError(InputError):
         The datapath, and the camera where that helps.
     """
 
-    def __init__(self, budget, reached, who):
+    def __init__(self, budget: float | str, reached: float, who: str) -> None:
         super().__init__("--max-error", None, budget, f"{who} reaches {reached:.3g} px and no less")
         self.budget, self.reached, self.who = budget, reached, who

@@ -11,14 +11,21 @@ class StreamError(RuntimeError):
     """A stream that is not what it should be: a hang, a broken rule of m_axis, beats that are no whole frames."""
 
 
-def _marked(count, height, width):
+def _marked(count: int, height: int, width: int) -> np.ndarray:
     beats = np.zeros((count, height, width), BEAT)
     beats["user"][:, 0, 0] = True
     beats["last"][:, :, -1] = True
     return beats
 
 
-def to_beats(frames, *, channels=None, pixel_bits=None, line_gap=0, frame_gap=0):
+def to_beats(
+    frames: np.ndarray,
+    *,
+    channels: int | None = None,
+    pixel_bits: int | None = None,
+    line_gap: int = 0,
+    frame_gap: int = 0,
+) -> np.ndarray:
     """Frames as a stream, (K*H*W,) BEATs: one pixel a beat, row by row, channel 0 in the low bits.
 
     Parameters
@@ -58,7 +65,7 @@ def to_beats(frames, *, channels=None, pixel_bits=None, line_gap=0, frame_gap=0)
     return beats.ravel()
 
 
-def to_frames(beats, width, height, *, channels=1, pixel_bits=8):
+def to_frames(beats: np.ndarray, width: int, height: int, *, channels: int = 1, pixel_bits: int = 8) -> np.ndarray:
     """The frames in a stream: (K, height, width) or, of several channels, (K, height, width, channels).
 
     uint8 where pixel_bits is at most 8, else uint16.

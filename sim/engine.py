@@ -11,6 +11,8 @@ import ctypes
 import enum
 import weakref
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -68,7 +70,7 @@ class _Job(ctypes.Structure):
     ]
 
 
-def _pauses(name, share, burst):
+def _pauses(name: str, share: float, burst: float | None) -> tuple[int, int]:
     """Probabilities of entering and leaving a pause, in units of 2^-32."""
     if not 0 <= share < 1:
         raise ValueError(f"{name} = {share}: not in 0 <= {name} < 1")
@@ -91,7 +93,7 @@ class Core:
         Widths of s_axis_tdata and m_axis_tdata.
     """
 
-    def __init__(self, library, cached):
+    def __init__(self, library: Path, cached: bool) -> None:
         self.library, self.cached = library, cached
         self._code = ctypes.CDLL(str(library))
         self._code.bench_new.restype = ctypes.c_void_p
@@ -102,26 +104,26 @@ class Core:
         self.in_bits = self._code.bench_in_bits(self._bench)
         self.out_bits = self._code.bench_out_bits(self._bench)
 
-    def _power_up(self):
+    def _power_up(self) -> None:
         self._bench = self._code.bench_new()
         self._release = weakref.finalize(self, self._code.bench_delete, self._bench)
         self._complete = False
 
     def run(
         self,
-        stream,
+        stream: np.ndarray,
         *,
-        idle=0.0,
-        backpressure=0.0,
-        burst=None,
-        seed=0,
-        start="power-up",
-        expected=None,
-        watchdog=10_000,
-        settle=64,
-        reset_cycles=16,
-        check=True,
-    ):
+        idle: float = 0.0,
+        backpressure: float = 0.0,
+        burst: float | None = None,
+        seed: int = 0,
+        start: Literal["power-up", "reset", "continue"] = "power-up",
+        expected: int | None = None,
+        watchdog: int = 10_000,
+        settle: int = 64,
+        reset_cycles: int = 16,
+        check: bool = True,
+    ) -> Run:
         """Send a stream through the core and return the `Run`.
 
         Ends when every beat is in, `expected` beats are out, and `settle` more cycles have shown whether more follow.
@@ -200,7 +202,7 @@ class Core:
         return run
 
 
-def _refuse(run, job):
+def _refuse(run: Run, job: _Job) -> None:
     problems = []
     if run.violations:
         problems.append(f"{run.violations} cycles break {run.kinds.name} on m_axis, the first is {run.first_violation}")

@@ -19,7 +19,7 @@ class Cost:
     ramb18: int = 0
     dsp: int = 0
 
-    def weight(self, goal="balanced"):
+    def weight(self, goal: str = "balanced") -> float:
         """The cost as one number, in look-up tables' worth; ``goal`` is a key of `GOALS`."""
         emphasis = {GOALS[goal]: _EMPHASIS}
         return sum(getattr(self, name) * worth * emphasis.get(name, 1) for name, worth in _WORTH.items())

@@ -25,7 +25,7 @@ class Q:
     is_signed: bool = True
 
     @classmethod
-    def covering(cls, lowest, highest, fraction_bits):
+    def covering(cls, lowest: int, highest: int, fraction_bits: int) -> "Q":
         """The narrowest format that holds every stored integer in ``lowest..highest`` (both inclusive)."""
         lowest, highest = int(lowest), int(highest)
         if lowest > highest:
@@ -35,7 +35,7 @@ class Q:
         return cls(max(width, 1) - fraction_bits, fraction_bits, is_signed)
 
     @property
-    def width(self):
+    def width(self) -> int:
         """Bits stored."""
         return self.integer_bits + self.fraction_bits
 
@@ -44,5 +44,5 @@ class Q:
         """The Amaranth shape of the stored integer."""
         return signed(self.width) if self.is_signed else unsigned(self.width)
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{'' if self.is_signed else 'U'}Q{self.integer_bits}.{self.fraction_bits}"

@@ -13,6 +13,8 @@ A further format is one module and its entry in ``FORMATS``. The module has
 
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
+from types import ModuleType
 
 from hdl.calibration import (
     aslam,
@@ -63,8 +65,8 @@ _EXAMPLE = "the embedded example rig"
 
 
 def load(
-    path,
-    *more,
+    path: str | Path,
+    *more: str | Path,
     size: tuple[int, int] | None = None,
     format: str | None = None,
     select: str | None = None,
@@ -113,7 +115,13 @@ def embedded(size: tuple[int, int] | None = None) -> Rig:
     return replace(rig, fields={**rig.fields, **entries})
 
 
-def _rig(reader, documents, size, select=None, lens_model=None):
+def _rig(
+    reader: ModuleType,
+    documents: list[Document],
+    size: tuple[int, int] | None,
+    select: str | None = None,
+    lens_model: str | None = None,
+) -> Rig:
     if size is not None:
         size = checks.image_size("--size", None, *size)
     if select is not None and not reader.SELECT:
@@ -124,7 +132,7 @@ def _rig(reader, documents, size, select=None, lens_model=None):
     return _scaled(rig, *size) if size else rig
 
 
-def _scaled(rig, width, height):
+def _scaled(rig: Rig, width: int, height: int) -> Rig:
     stretch = width * rig.height / (height * rig.width)
     scaled = rig.scaled(width, height)
     if abs(stretch - 1) <= STRETCH:
@@ -136,7 +144,7 @@ def _scaled(rig, width, height):
     return scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
 
 
-def _forced(format):
+def _forced(format: str | None) -> ModuleType | None:
     if format is None:
         return None
     for candidate in FORMATS:
@@ -145,21 +153,21 @@ def _forced(format):
     raise InputError("--format", None, format, f"the formats are {_known()}")
 
 
-def _recognised(document):
+def _recognised(document: Document) -> bool:
     return any(candidate.recognises(document) or _accompanies(candidate, document) for candidate in FORMATS)
 
 
-def _accompanies(candidate, document):
+def _accompanies(candidate: ModuleType, document: Document) -> bool:
     return hasattr(candidate, "accompanies") and candidate.accompanies(document)
 
 
-def _format(documents):
+def _format(documents: list[Document]) -> ModuleType:
     for candidate in FORMATS:
         recognised = [candidate.recognises(document) for document in documents]
         others = [document for document, itself in zip(documents, recognised) if not itself]
         if any(recognised) and all(_accompanies(candidate, document) for document in others):
             return candidate
-    groups = {}
+    groups: dict[str, list[Document]] = {}
     for document in documents:
         name = next((candidate.NAME for candidate in FORMATS if candidate.recognises(document)), None)
         if name is None:
@@ -171,10 +179,10 @@ def _format(documents):
     raise InputError(described, None, None, problem)
 
 
-def _known():
+def _known() -> str:
     return ", ".join(candidate.NAME for candidate in FORMATS)
 
 
-def _names(documents, most=4):
+def _names(documents: list[Document], most: int = 4) -> str:
     names = [document.name for document in documents]
     return ", ".join(names if len(names) <= most else [*names[: most - 1], f"{len(names) - most + 1} more"])

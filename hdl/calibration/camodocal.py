@@ -39,7 +39,8 @@ def read(document: Document) -> tuple[Camera, tuple[int, int]]:
     known = kind.upper() if isinstance(kind, str) else None
     if known not in (*_MODELS, _SCARAMUZZA):
         raise fields.fault("model_type", kind, f"the models known are {', '.join((*_MODELS, _SCARAMUZZA))}")
-    size = tuple(checks.whole(fields.where, key, fields.get(key)) for key in ("image_width", "image_height"))
+    width, height = (checks.whole(fields.where, key, fields.get(key)) for key in ("image_width", "image_height"))
+    size = width, height
     if known == _SCARAMUZZA:
         return _scaramuzza(fields), size
     lens, coefficients, intrinsics = _MODELS[known]

@@ -45,7 +45,7 @@ def whole(where: str, field: str | None, value) -> int:
 
 def image_size(where: str, field: str | None, width, height) -> tuple[int, int]:
     """Width and height in px, as int. Raises InputError unless both are whole numbers within SIZE_RANGE."""
-    size = tuple(whole(where, field, value) for value in (width, height))
+    size = whole(where, field, width), whole(where, field, height)
     low, high = SIZE_RANGE
     if not all(low <= value <= high for value in size):
         raise InputError(where, field, f"{size[0]}x{size[1]}", f"an image size must lie between {low} and {high} px")

@@ -83,7 +83,7 @@ class Rig:
     unit: str | None = None
     rectification: dict[str, tuple[np.ndarray, np.ndarray]] | None = None
     rectification_fault: InputError | None = None
-    fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
+    fields: Mapping[str, tuple[str, str | None]] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str | None = None
@@ -140,7 +140,7 @@ class Rig:
             fields={role.translate(other): spelling for role, spelling in self.fields.items()},
         )
 
-    def warned(self, role: str, value, problem: str) -> "Rig":
+    def warned(self, role: str, value: object, problem: str) -> "Rig":
         """The same rig with one more warning, worded as :meth:`fault` words an error."""
         return self.warned_as(self.fault(role, value, problem))
 
@@ -148,7 +148,7 @@ class Rig:
         """The same rig with the text of ``error``, which is not raised, as one more warning."""
         return replace(self, warnings=(*self.warnings, str(error)))
 
-    def fault(self, role: str, value, problem: str) -> InputError:
+    def fault(self, role: str, value: object, problem: str) -> InputError:
         """The error for what is wrong with the field in ``role``, in the file's own spelling."""
         where, name = self.fields.get(role, (self.source, role))
         return InputError(where, name, value.tolist() if isinstance(value, np.ndarray) else value, problem)
@@ -179,7 +179,7 @@ def camera_matrix(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
 
 
-def _told_apart(first, second):
+def _told_apart(first: str, second: str) -> list[str]:
     """Both paths, cut down to as few of their last parts as make them differ; to the names alone if they are one."""
     parts = [Path(path).parts for path in (str(first), str(second))]
     count = 1
@@ -188,6 +188,6 @@ def _told_apart(first, second):
     return ["/".join(each[-count:]) for each in parts]
 
 
-def _printable(text, most=100):
+def _printable(text: str, most: int = 100) -> str:
     text = "".join(letter if " " <= letter <= "~" else "?" for letter in text)
     return text if len(text) <= most else text[: most - 3] + "..."

@@ -119,7 +119,7 @@ class Info:
 
     def roles(self, number: str) -> dict[str, tuple[str, str | None]]:
         """For `Rig.fields`."""
-        places = {role + number: self.place(role) for role in "KDRP"}
+        places: dict[str, tuple[str, str | None]] = {role + number: self.place(role) for role in "KDRP"}
         places["camera" + number] = self.where, self.fields.prefix or None
         if not self.camera.named and self.spelled["lens"]:
             places["model" + number] = self.where, self.fields.name(self.spelled["lens"][0])

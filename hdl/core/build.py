@@ -3,7 +3,9 @@
 import dataclasses
 import hashlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +13,12 @@ from hdl.arithmetic.cost import GOALS
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.core.versions import versions
 from hdl.datapaths import DATAPATHS
-from hdl.datapaths.selection import choose, fit
+from hdl.datapaths.base import Datapath
+from hdl.datapaths.selection import Considered, choose, fit
 from hdl.errors import BudgetError, InputError
 from hdl.geometry.coordinates import Border
 from hdl.geometry.row_minimisation import loss
+from hdl.geometry.view import View
 from hdl.stream.rectifier import PIXEL_FORMATS, Rectifier, RectifierParameters
 from hdl.tools import verilog
 
@@ -58,7 +62,7 @@ class Options:
     optimise: str = "balanced"
     dsp: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         names = (AUTO, *DATAPATHS)
         for option, value, fits, needed in (
             ("--datapath", self.datapath, self.datapath in names, f"one of {', '.join(names)}"),
@@ -96,12 +100,12 @@ class Core:
     """
 
     parameters: RectifierParameters
-    exact: tuple
+    exact: tuple[np.ndarray, np.ndarray]
     verilog: str
     plan: Plan
 
 
-def build(view, options, top, progress=lambda step: None):
+def build(view: View, options: Options, top: str, progress: Callable[[str], object] = lambda step: None) -> Core:
     """Build one core.
 
     Parameters
@@ -124,10 +128,11 @@ def build(view, options, top, progress=lambda step: None):
     """
     progress("exact map")
     exact = view.map()
-    considered = ()
+    considered: list[Considered] = []
     if options.datapath == AUTO:
         considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress, options.dsp)
         datapath = considered[0].datapath
+        assert datapath  # of all candidates the chosen one has it
     else:
         progress(f"word lengths of {options.datapath}")
         datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
@@ -169,7 +174,7 @@ def build(view, options, top, progress=lambda step: None):
             "P": view.P.tolist(),
             "unit": view.unit,
             "origin": view.origin,
-            "minimised": view.before and _minimised(view),
+            "minimised": _minimised(view),
         },
         width=view.width,
         height=view.height,
@@ -202,23 +207,25 @@ def build(view, options, top, progress=lambda step: None):
     return Core(parameters, exact, text, plan)
 
 
-def _minimised(view):
+def _minimised(view: View) -> dict[str, Any] | None:
+    if not view.before:
+        return None
     lost = loss({view.side: view.before}, {view.side: view})
     return {"rows_before": view.before.window.rows, "rows_after": view.window.rows, "lost": lost}
 
 
-def _dropped(view):
+def _dropped(view: View) -> dict[str, Any] | None:
     if not view.camera.D.any():
         return None
     magnitudes = (np.abs(shift) for shift in view.distortion)
     return {axis: {"mean": shift.mean(), "max": shift.max()} for axis, shift in zip("uv", magnitudes)}
 
 
-def _source(view):
+def _source(view: View) -> str:
     return f"Camera: {view.entry}.\n" if view.entry else ""
 
 
-def _header(top, view, datapath, options):
+def _header(top: str, view: View, datapath: Datapath, options: Options) -> str:
     pixel = f"{options.channels}x{options.pixel_bits}" if options.channels > 1 else options.pixel_bits
     return (
         f"{top}{MARK} {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "

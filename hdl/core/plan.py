@@ -3,7 +3,7 @@
 import hashlib
 import json
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -137,17 +137,17 @@ class Plan(_Entry):
     plan_sha256: str
 
     @classmethod
-    def sealed(cls, **fields):
+    def sealed(cls, **fields: Any) -> "Plan":
         """The plan of these ``fields`` with its own ``plan_sha256``, by which a later change shows."""
         plan = cls(**fields, plan_sha256="")
         return plan.model_copy(update={"plan_sha256": plan.digest()})
 
-    def digest(self):
+    def digest(self) -> str:
         """SHA-256 of all but ``plan_sha256``."""
         content = json.dumps(self.model_dump(exclude={"plan_sha256"}), sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()
 
-    def to_json(self):
+    def to_json(self) -> str:
         """JSON text, one matrix row a line."""
         text = json.dumps(self.model_dump(), indent=2)
         return re.sub(r"\[[^\[\]{}]*\]", lambda row: " ".join(row.group().split()), text) + "\n"

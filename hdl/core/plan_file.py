@@ -84,9 +84,9 @@ class PlannedCore:
         try:
             options = _options(plan, budget)
             core = build(self.view, options, plan.top, progress)
-        except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as problem:
-            problem = f"cannot be rebuilt{elsewhere(plan.versions)}: {problem}"
-            raise InputError(self.file, "datapath", plan.datapath, problem) from None
+        except (InputError, ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            problem = f"cannot be rebuilt{elsewhere(plan.versions)}: {error}"
+            raise InputError(self.file, "datapath", plan.datapath, problem) from error
         found, stated = core.plan.model_dump(), plan.model_dump()
         for name in ("considered", "max_error_requested", "versions", "verilog_sha256", "plan_sha256"):
             found[name] = stated[name]

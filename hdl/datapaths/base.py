@@ -9,19 +9,22 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
+from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.fixedpoint import Q
 from hdl.errors import InputError
+from hdl.geometry.coordinates import Coordinates
+from hdl.geometry.view import View
 
 # Error allowed on top of the rounding to fraction_bits where no budget is given, px.
 ARITHMETIC_ERROR = 0.002
 
 
-def default_budget(fraction_bits):
+def default_budget(fraction_bits: int) -> float:
     """Largest coordinate error, px, of a datapath that computes what it names: rounding and a little arithmetic."""
     return 2.0 ** -(fraction_bits + 1) + ARITHMETIC_ERROR
 
 
-def fitted_budget(fraction_bits):
+def fitted_budget(fraction_bits: int) -> float:
     """Largest coordinate error, px, of a datapath that is fitted to the map, where no budget is given: 0.05 px, or
     three halves of what rounding alone may cost if that is more."""
     return max(0.05, 1.5 * 2.0 ** -(fraction_bits + 1))
@@ -31,7 +34,7 @@ def fitted_budget(fraction_bits):
 COARSEST = 1.0
 
 
-def check_budget(budget, fraction_bits):
+def check_budget(budget: float, fraction_bits: int) -> None:
     """Raise InputError where rounding alone exceeds the budget, px."""
     rounding = 2.0 ** -(fraction_bits + 1)
     if budget <= rounding:
@@ -43,7 +46,7 @@ def check_budget(budget, fraction_bits):
         )
 
 
-def word_length_budget(max_error, fraction_bits):
+def word_length_budget(max_error: float | None, fraction_bits: int) -> float:
     """What the word lengths of a datapath that follows an equation may cost, px: ``max_error``, its default or, where
     that is more, `COARSEST`. Raises InputError as `check_budget` does."""
     budget = default_budget(fraction_bits) if max_error is None else min(max_error, COARSEST)
@@ -68,7 +71,7 @@ class DatapathSignature(wiring.Signature):
         Source column and row, fixed point, ``latency`` enabled clocks after their position was taken.
     """
 
-    def __init__(self, width, height, u, v):
+    def __init__(self, width: int, height: int, u: Q, v: Q) -> None:
         super().__init__(
             {
                 "enable": In(1),
@@ -105,7 +108,7 @@ class Datapath(ABC):
 
     @classmethod
     @abstractmethod
-    def fit(cls, view, fraction_bits, max_error=None):
+    def fit(cls, view: View, fraction_bits: int, max_error: float | None = None) -> "Datapath":
         """Choose the parameters for ``view`` (`hdl.geometry.view.View`): the cheapest that meet ``max_error`` (px,
         rounding included) at every pixel whose source is inside the image, or, without a budget, that compute what the
         datapath names within `default_budget`, or follow the map within `fitted_budget`. Raises InputError where no
@@ -114,45 +117,44 @@ class Datapath(ABC):
 
     @property
     @abstractmethod
-    def coordinates(self):
+    def coordinates(self) -> Coordinates:
         """The integer model: the `Coordinates` that the hardware computes, bit for bit."""
 
     @property
     @abstractmethod
-    def formats(self):
+    def formats(self) -> dict[str, Q]:
         """Formats of the values along the datapath, name to `Q`."""
 
     @property
     @abstractmethod
-    def cost(self):
+    def cost(self) -> Cost:
         """`Cost` of the hardware, estimated from its word lengths."""
 
     @property
     @abstractmethod
-    def latency(self):
+    def latency(self) -> int:
         """Enabled clocks from a position to its coordinates."""
 
     @property
-    def warm_up(self):
+    def warm_up(self) -> int:
         """Steps that the hardware needs after reset, through the last positions of a frame, before the first one."""
         return 0
 
-    def with_dsp(self, dsp):
+    def with_dsp(self, dsp: bool) -> "Datapath":
         """The same datapath, its multiplications, where it has any, left to the synthesis tool or made of adders."""
         return self
 
     @abstractmethod
-    def component(self):
+    def component(self) -> wiring.Component:
         """The hardware, a `wiring.Component` with the `signature` below."""
 
     @cached_property
-    def coordinate_formats(self):
+    def coordinate_formats(self) -> tuple[Q, Q]:
         """The narrowest formats (`Q`) of ``u`` and ``v``."""
-        return tuple(
-            Q.covering(*span, self.fraction_bits) for span in (self.coordinates.u_range, self.coordinates.v_range)
-        )
+        u, v = self.coordinates.u_range, self.coordinates.v_range
+        return Q.covering(*u, self.fraction_bits), Q.covering(*v, self.fraction_bits)
 
     @property
-    def signature(self):
+    def signature(self) -> DatapathSignature:
         """The `DatapathSignature` of the hardware."""
         return DatapathSignature(self.width, self.height, *self.coordinate_formats)

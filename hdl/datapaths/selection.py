@@ -1,11 +1,13 @@
 """``--datapath auto``: the cheapest datapath that meets the budget, and why."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hdl.arithmetic.cost import Cost
 from hdl.datapaths import DATAPATHS, Datapath
 from hdl.datapaths.base import check_budget, fitted_budget
 from hdl.errors import BudgetError, InputError
+from hdl.geometry.view import View
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Considered:
     verdict: str
 
 
-def fit(name, view, fraction_bits, max_error, dsp=True):
+def fit(name: str, view: View, fraction_bits: int, max_error: float | None, dsp: bool = True) -> Datapath:
     """`Datapath.fit` of the datapath ``name``, whose multiplications, where it has any, become ``dsp`` or adders."""
     try:
         datapath = DATAPATHS[name].fit(view, fraction_bits, max_error)
@@ -42,12 +44,19 @@ def fit(name, view, fraction_bits, max_error, dsp=True):
     return datapath.with_dsp(dsp)
 
 
-def _default(budget):
+def _default(budget: float) -> str:
     """How a message names a budget that the user did not give."""
     return f"{budget:g}, the default"
 
 
-def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp=True):
+def choose(
+    view: View,
+    fraction_bits: int,
+    max_error: float | None,
+    goal: str,
+    progress: Callable[[str], object] = lambda step: None,
+    dsp: bool = True,
+) -> list[Considered]:
     """The candidates for ``view``: those within the budget in the order of their cost, the first one chosen, then the
     others.
 
@@ -74,7 +83,8 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp
     """
     budget = fitted_budget(fraction_bits) if max_error is None else max_error
     check_budget(budget, fraction_bits)
-    fitting, others = [], []
+    fitting: list[Considered] = []
+    others: list[Considered] = []
     for name, kind in DATAPATHS.items():
         if view.lens and not kind.supports_lens:
             continue
@@ -95,17 +105,13 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp
         else:
             others.append(Considered(name, None, worst, datapath.cost, f"off by {worst:.3g} px"))
     if not fitting:
-        reached = min(
-            (entry for entry in others if entry.error is not None), key=lambda entry: entry.error, default=None
-        )
+        reached = min(((entry.error, entry.name) for entry in others if entry.error is not None), default=None)
         raise InputError(
             "--max-error",
             None,
             _default(budget) if max_error is None else budget,
             f"no datapath meets it for the {view.side} camera; "
-            + (
-                f"{reached.name} comes closest with {reached.error:.3g} px" if reached else "none gives an error at all"
-            ),
+            + (f"{reached[1]} comes closest with {reached[0]:.3g} px" if reached else "none gives an error at all"),
         )
     fitting.sort(key=lambda entry: entry.cost.weight(goal))
     first = fitting[0]

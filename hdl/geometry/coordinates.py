@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -24,12 +25,12 @@ class Border:
     mode: str = "constant"
     value: int = 0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.mode not in ("constant", "replicate"):
             raise InputError("--border", None, self.mode, "must be constant, constant:VALUE or replicate")
 
     @classmethod
-    def parse(cls, text):
+    def parse(cls, text: str) -> "Border":
         """From the command line's ``constant``, ``constant:VALUE`` or ``replicate``; raises InputError."""
         mode, colon, value = text.partition(":")
         if not colon:
@@ -50,7 +51,7 @@ class Window:
     d_hi: int
 
     @property
-    def lead(self):
+    def lead(self) -> int:
         """Source rows that must be complete beyond row y before output row y starts.
 
         A core cannot start a frame before that frame's first row is in, so a map that looks upwards only has lead 0.
@@ -58,7 +59,7 @@ class Window:
         return max(self.d_hi, 0)
 
     @property
-    def rows(self):
+    def rows(self) -> int:
         """Source rows kept: those between the extremes, one being written, one being released; an even number."""
         spread = self.lead - self.d_lo
         return spread + 3 + (spread + 3) % 2
@@ -80,24 +81,24 @@ class Coordinates:
     fraction_bits: int
 
     @property
-    def height(self):
+    def height(self) -> int:
         return self.u.shape[0]
 
     @property
-    def width(self):
+    def width(self) -> int:
         return self.u.shape[1]
 
     @cached_property
-    def u_range(self):
+    def u_range(self) -> tuple[int, int]:
         """Least and greatest ``u``, in units of 2**-fraction_bits px."""
         return int(self.u.min()), int(self.u.max())
 
     @cached_property
-    def v_range(self):
+    def v_range(self) -> tuple[int, int]:
         """Least and greatest ``v``, in units of 2**-fraction_bits px."""
         return int(self.v.min()), int(self.v.max())
 
-    def window(self, border):
+    def window(self, border: Border) -> Window:
         """The `Window` of these coordinates under a `Border`; raises InputError where no tap is inside the source."""
         column = self.u >> self.fraction_bits
         top = self.v >> self.fraction_bits
@@ -117,7 +118,7 @@ class Coordinates:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
         return Window(int(min(t.min() for t in taps)), int(max(t.max() for t in taps)))
 
-    def error(self, u, v):
+    def error(self, u: np.ndarray, v: np.ndarray) -> dict[str, Any]:
         """Error statistics against the float64 map ``u, v`` (px, shape (height, width)).
 
         Counted are the output pixels whose exact source lies inside the source image. ``rounded`` is the paper's
@@ -130,7 +131,8 @@ class Coordinates:
         if not pixels:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
         scale = 2.0**-self.fraction_bits
-        result, rounded, squared = {}, {}, 0.0
+        result, rounded = {}, {}
+        squared = np.zeros(pixels)
         for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
             used, exact = stored[inside] * scale, in_map[inside]
             difference = used - exact
@@ -140,10 +142,10 @@ class Coordinates:
         return {**result, "euclidean_max": float(np.sqrt(squared.max())), "pixels": pixels, "rounded": rounded}
 
 
-def inside_image(u, v, width, height):
+def inside_image(u: np.ndarray, v: np.ndarray, width: int, height: int) -> np.ndarray:
     """Which positions (u, v), px, arrays of one shape, lie inside an image of ``width`` x ``height`` px: bool."""
     return (u >= 0) & (u <= width - 1) & (v >= 0) & (v <= height - 1)
 
 
-def _statistics(magnitude):
+def _statistics(magnitude: np.ndarray) -> dict[str, float]:
     return {"mean": float(magnitude.mean()), "max": float(magnitude.max())}
