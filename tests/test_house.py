@@ -1,5 +1,6 @@
 """How the house is built: which floor may know of which, and how large a file may grow."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,27 @@ def test_an_import_from_a_floor_above_is_found(tmp_path):
     result = lint_imports(tmp_path)
     assert result.returncode == 1
     assert "hdl.arithmetic.fixedpoint -> hdl.core.plan" in result.stdout
+
+
+def unnamed_signals(text):
+    """Lines of several assignments at once whose last value is a signal without a name: Amaranth finds one in the code
+    of Python up to 3.12, and none in that of 3.13, and the Verilog would be another."""
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Assign) or len(node.targets) == 1 and not isinstance(node.targets[0], ast.Tuple):
+            continue
+        last = node.value.elts[-1] if isinstance(node.value, ast.Tuple) else node.value
+        if isinstance(last, ast.Call) and "Signal" in ast.unparse(last.func):
+            if not any(keyword.arg == "name" for keyword in last.keywords):
+                yield node.lineno
+
+
+def test_signals_have_names_that_do_not_depend_on_the_version_of_python():
+    files = [file for folder in ("hdl", "sim", "examples") for file in (ROOT / folder).rglob("*.py")]
+    assert {str(file): lines for file in files if (lines := list(unnamed_signals(file.read_text())))} == {}
+    assert list(unnamed_signals("a = Signal()\na, b = Signal(), Signal(3)\na, b = 1, Signal.like(a, name='b')\n")) == [
+        2
+    ]
+    assert list(unnamed_signals("a = b = Signal()\n")) == [1]
 
 
 @pytest.mark.parametrize("folder", ["hdl", "sim", "scripts", "tests", "examples"])
