@@ -58,9 +58,8 @@ def unnamed_signals(text):
 def test_signals_have_names_that_do_not_depend_on_the_version_of_python():
     files = [file for folder in ("hdl", "sim", "examples") for file in (ROOT / folder).rglob("*.py")]
     assert {str(file): lines for file in files if (lines := list(unnamed_signals(file.read_text())))} == {}
-    assert list(unnamed_signals("a = Signal()\na, b = Signal(), Signal(3)\na, b = 1, Signal.like(a, name='b')\n")) == [
-        2
-    ]
+    text = "a = Signal()\na, b = Signal(), Signal(3)\na, b = 1, Signal.like(a, name='b')\n"
+    assert list(unnamed_signals(text)) == [2]
     assert list(unnamed_signals("a = b = Signal()\n")) == [1]
 
 
