@@ -176,5 +176,11 @@ def _identity(command: tuple[str, ...]) -> str:
     """What the compiler says of its version."""
     try:
         return subprocess.run([*command, "--version"], capture_output=True, check=True, **_TEXT).stdout
-    except (OSError, subprocess.CalledProcessError) as error:
+    except subprocess.CalledProcessError as error:
+        lines = f"{error.stdout}{error.stderr}".strip().splitlines() or [f"exit status {error.returncode}"]
+        problem = next((line for line in lines if "error" in line.lower()), lines[-1])
+        if "ziglang" in command and "cache" in problem:
+            problem += "; set ZIG_GLOBAL_CACHE_DIR to another folder"
+        raise CompileError(f"C++ compiler {shlex.join(command)}: {problem}") from error
+    except OSError as error:
         raise CompileError(f"C++ compiler {shlex.join(command)}: {error}") from error

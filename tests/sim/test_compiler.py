@@ -125,3 +125,18 @@ def test_compiler_errors_are_passed_on(tmp_path):
     command = compiler._compiler(None)
     with pytest.raises(CompileError, match=r"error.*no_such_header.* \(log: .*\.log\)$"):
         compile_core(WIRE, "block", cache=tmp_path, compiler=shlex.join([*command, "-include", "no_such_header.h"]))
+
+
+@pytest.mark.parametrize(
+    "name, said, problem",
+    [
+        ("cxx", "error: out of order\nask again", "error: out of order"),
+        ("cxx", "no cache", "no cache"),
+        ("ziglang", "error: no global cache", "error: no global cache; set ZIG_GLOBAL_CACHE_DIR to another folder"),
+    ],
+)
+def test_a_compiler_that_does_not_start_is_quoted(tmp_path, name, said, problem):
+    command = [sys.executable, "-c", f"import sys; sys.exit({said!r})", name]
+    with pytest.raises(CompileError) as error:
+        compile_core(WIRE, "block", cache=tmp_path, compiler=shlex.join(command))
+    assert str(error.value) == f"C++ compiler {shlex.join(command)}: {problem}"
