@@ -77,8 +77,8 @@ def load(
     path, *more : str or Path
         In any order. A folder stands for the calibration files in it.
     size : (width, height), optional
-        The frame size in px. A calibration of another size is scaled to it; one that states none is taken to be of it;
-        of one with several resolutions it chooses the one.
+        The frame size in px. A calibration of another size is scaled to it, both cameras of it where they have two;
+        one that states none is taken to be of it; of one with several resolutions it chooses the one.
     format : str, optional
         NAME of the format that the files are in, for files that are not recognised, or as two formats.
     select : str, optional
@@ -125,15 +125,16 @@ def _rig(reader, documents, size, select=None, lens_model=None):
 
 
 def _scaled(rig, width, height):
-    stretch = width * rig.height / (height * rig.width)
     scaled = rig.scaled(width, height)
-    if abs(stretch - 1) <= STRETCH:
-        return scaled
-    problem = (
-        f"stretches the {rig.width}x{rig.height} images by {100 * abs(stretch - 1):.0f} %; "
-        "where a sensor crops them the calibration needs another principal point instead"
-    )
-    return scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
+    for size in dict.fromkeys((rig.left.size, rig.right.size)):
+        stretch = width * size[1] / (height * size[0])
+        if abs(stretch - 1) > STRETCH:
+            problem = (
+                f"stretches the {size[0]}x{size[1]} images by {100 * abs(stretch - 1):.0f} %; "
+                "where a sensor crops them the calibration needs another principal point instead"
+            )
+            scaled = scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
+    return scaled
 
 
 def _forced(format):

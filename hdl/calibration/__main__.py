@@ -115,6 +115,8 @@ class Description:
             **{
                 side: {
                     "source": rig.origins[side],
+                    "width": camera.size[0],
+                    "height": camera.size[1],
                     "model": camera.model,
                     "K": camera.K.tolist(),
                     "D": camera.D.tolist(),
@@ -140,7 +142,7 @@ class Description:
         unit = rig.unit or "(the file does not say of what)"
         turn = np.degrees(np.linalg.norm(cv2.Rodrigues(rig.R)[0]))
         table.add_row("format", next((each.TITLE for each in calibration.FORMATS if each.NAME == rig.format), "none"))
-        table.add_row("images", f"{rig.width}x{rig.height} px")
+        table.add_row("images", f"{rig.width}x{rig.height} px" if len(rig.sizes) == 1 else "of two sizes")
         table.add_row("baseline", f"{np.linalg.norm(rig.T):.6g} {unit}")
         table.add_row("T, x_right = R x_left + T", f"{_numbers(rig.T)} {rig.unit or ''}".rstrip())
         table.add_row("angle between the cameras", f"{turn:.3f} degrees")
@@ -151,8 +153,13 @@ class Description:
     def _cameras(self):
         cameras = [self.rig.camera(side) for side in SIDES]
         views, plain = ([pair[side] for side in SIDES] for pair in (self.views, self.plain))
-        rows = [
-            ("read from", [self.rig.origins[side] for side in SIDES]),
+        rows = [("read from", [self.rig.origins[side] for side in SIDES])]
+        if len(self.rig.sizes) > 1:
+            rows += [
+                ("image", ["{}x{} px".format(*camera.size) for camera in cameras]),
+                ("rectified image", [f"{view.width}x{view.height} px" for view in views]),
+            ]
+        rows += [
             ("focal length x, y", [f"{K[0, 0]:.3f}, {K[1, 1]:.3f} px" for K in (camera.K for camera in cameras)]),
             ("principal point x, y", [f"{K[0, 2]:.3f}, {K[1, 2]:.3f} px" for K in (camera.K for camera in cameras)]),
         ]

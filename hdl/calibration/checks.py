@@ -79,10 +79,11 @@ def check(rig: Rig) -> Rig:
 
     A rectification that cannot be right is left out, and the error kept as ``rectification_fault``.
     """
-    image_size(*rig.fields.get("size", (rig.source, "size")), rig.width, rig.height)
     for number, side in enumerate(SIDES, start=1):
-        _check_matrix(rig, f"K{number}", rig.camera(side).K, principal_point_inside=True)
-        _check_lens(rig, f"D{number}", rig.camera(side))
+        camera = rig.camera(side)
+        image_size(*rig.spelling(f"size{number}"), *camera.size)
+        _check_matrix(rig, f"K{number}", camera.K, camera.size, principal_point_inside=True)
+        _check_lens(rig, f"D{number}", camera)
     _check_rotation(rig, "R", rig.R)
     _check_baseline(rig)
     if rig.rectification:
@@ -91,31 +92,27 @@ def check(rig: Rig) -> Rig:
     return rig
 
 
-def _pinhole_range(rig):
-    """Least and greatest focal length, px: views of 168 and of half a degree. Beyond lie focal lengths in mm or m."""
-    extent = max(rig.width, rig.height)
-    return extent / 20, extent * 100
-
-
-def _check_matrix(rig, role, K, principal_point_inside):
+def _check_matrix(rig, role, K, size, principal_point_inside):
     """Upper triangular, K[2][2] = 1, focal lengths and centre that fit the image."""
     _check_finite(rig, role, K)
     below = np.abs([K[1, 0], K[2, 0], K[2, 1]]).max()
     if abs(K[2, 2] - 1) > 1e-6 or below > 1e-6:
         raise rig.fault(role, K, "not of the form [fx s cx; 0 fy cy; 0 0 1]")
-    low, high = _pinhole_range(rig)
+    width, height = size
+    # Views of 168 and of half a degree. Beyond lie focal lengths in mm or m.
+    low, high = max(size) / 20, max(size) * 100
     for name, f in (("fx", K[0, 0]), ("fy", K[1, 1])):
         if f <= 0:
             raise rig.fault(role, f"{name} {f:g}", "singular or mirrored: a focal length must be positive")
         if not low <= f <= high:
-            raise rig.fault(role, f"{name} {f:g}", f"no focal length in px for {rig.width}x{rig.height} images")
+            raise rig.fault(role, f"{name} {f:g}", f"no focal length in px for {width}x{height} images")
     for name, c in (("skew", K[0, 1]), ("cx", K[0, 2]), ("cy", K[1, 2])):
         if abs(c) > high:
-            raise rig.fault(role, f"{name} {c:g}", f"far outside a {rig.width}x{rig.height} image")
+            raise rig.fault(role, f"{name} {c:g}", f"far outside a {width}x{height} image")
     if principal_point_inside:
-        for name, c, extent in (("cx", K[0, 2], rig.width), ("cy", K[1, 2], rig.height)):
+        for name, c, extent in (("cx", K[0, 2], width), ("cy", K[1, 2], height)):
             if not 0 <= c <= extent - 1:
-                problem = f"the principal point lies outside the {rig.width}x{rig.height} image: of another size?"
+                problem = f"the principal point lies outside the {width}x{height} image: of another size?"
                 raise rig.fault(role, f"{name} {c:g}", problem)
 
 
@@ -158,7 +155,7 @@ def _check_rectification(rig):
         R, P = rig.rectification[side]
         _check_rotation(rig, f"R{number}", R)
         _check_finite(rig, f"P{number}", P)
-        _check_matrix(rig, f"P{number}", P[:, :3], principal_point_inside=False)
+        _check_matrix(rig, f"P{number}", P[:, :3], (rig.width, rig.height), principal_point_inside=False)
     (R1, P1), (R2, P2) = (rig.rectification[side] for side in SIDES)
     if abs(P2[1, 3]) > abs(P2[0, 3]):
         raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")

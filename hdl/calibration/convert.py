@@ -28,8 +28,12 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     Raises
     ------
     InputError
-        For a rig whose two cameras have lenses of different kinds, which such a file has no field for.
+        For a rig whose two cameras have images of different sizes or lenses of different kinds, for which such a file
+        has no fields.
     """
+    if len(rig.sizes) > 1:
+        problem = f"OpenCV's format holds one size for both cameras; --size {rig.width}x{rig.height} makes them one"
+        raise InputError(*rig.spelling("size2"), "{}x{}".format(*rig.right.size), problem)
     kinds = {"polynomial" if model in polynomial.NAMES else model for model in (rig.left.model, rig.right.model)}
     if len(kinds) > 1:
         models = f"{rig.left.model}, {rig.right.model}"

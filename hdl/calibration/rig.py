@@ -26,6 +26,8 @@ class Camera:
     D : (n,) float64
         Lens coefficients in the order of the model; for the first four in OpenCV's, as many as the file has: n = 0, 4,
         5, 8, 12 or 14.
+    size : (width, height) or None
+        Of its images, px, to which K belongs. A `Rig` gives its own to a camera that states none.
     named : bool
         Whether the file, or its format, says which lens it is; otherwise see `hdl.calibration.unnamed_lens`.
     """
@@ -33,6 +35,7 @@ class Camera:
     model: str
     K: np.ndarray
     D: np.ndarray
+    size: tuple[int, int] | None = None
     named: bool = True
 
     @property
@@ -40,6 +43,16 @@ class Camera:
         """(3, 3) float64: K of the camera without its lens, which shows the same next to the optical axis."""
         magnification = LENS_MODELS[self.model].magnification(self.D)
         return self.K @ np.diag([magnification, magnification, 1.0])
+
+    def scaled(self, size: tuple[int, int]) -> "Camera":
+        """The same camera, which states its size, with its images resampled to ``size`` px."""
+        return self if size == self.size else replace(self, K=resampling(self.size, size) @ self.K, size=size)
+
+
+def resampling(old: tuple[int, int], new: tuple[int, int]) -> np.ndarray:
+    """(3, 3): from px of an image of size ``old`` to px of the same one of size ``new``, pixel centres at integers."""
+    sx, sy = (after / before for before, after in zip(old, new))
+    return np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +64,9 @@ class Rig:
     source : str
         The file, for messages. Several files are joined by ", ".
     width, height : int
-        Size of both source images, px.
+        Size of the rectified images, px: the left camera's, and the right one's too for the most part.
     left, right : Camera
+        Each with the size of its own images.
     R : (3, 3) float64
     T : (3,) float64
         In ``unit``, which is None where the format does not fix one.
@@ -62,9 +76,10 @@ class Rig:
         Why there is none though the file carries one. `hdl.geometry.rectify` raises it where the file's own is wanted,
         so that a fault in what an option leaves unused refuses nothing.
     fields : mapping of role to (file, field)
-        How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2", and "model1", "model2"
-        where it should name the lens and does not; and what it calls the whole cameras, "camera1" and "camera2", which
-        are those of K1 and K2 where they are not given. For messages, and for :attr:`origins`.
+        How the file spells "size1", "K1", "D1", "R1", "P1", those of the right camera, with 2, "R" and "T"; "size"
+        stands for both sizes; "model1", "model2" where it should name the lens and does not; and what it calls the
+        whole cameras, "camera1" and "camera2", which are those of K1 and K2 where they are not given. For messages, and
+        for :attr:`origins`.
     warnings : tuple of str
         What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
     notes : tuple of str
@@ -88,6 +103,11 @@ class Rig:
     notes: tuple[str, ...] = ()
     format: str | None = None
 
+    def __post_init__(self):
+        for side in SIDES:
+            if self.camera(side).size is None:
+                object.__setattr__(self, side, replace(self.camera(side), size=(self.width, self.height)))
+
     def camera(self, side: str) -> Camera:
         return {"left": self.left, "right": self.right}[side]
 
@@ -107,31 +127,38 @@ class Rig:
             for side, entry, file in zip(SIDES, (entry, its), files)
         }
 
+    @property
+    def sizes(self) -> set[tuple[int, int]]:
+        """(width, height), px, of the rectified images and of both cameras': one for the most part."""
+        return {(self.width, self.height), self.left.size, self.right.size}
+
     def scaled(self, width: int, height: int) -> "Rig":
-        """The same rig with its images resampled to ``width`` x ``height`` px.
+        """The same rig with all its images, sources and rectified ones, resampled to ``width`` x ``height`` px.
 
         Pixel centres lie at integers, so that c' = (c + 0.5)*s - 0.5 and f' = f*s on each axis; the skew scales as
         u does. D, R and T do not depend on the size.
         """
-        if (width, height) == (self.width, self.height):
+        size = width, height
+        if self.sizes == {size}:
             return self
-        sx, sy = width / self.width, height / self.height
-        scale = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]])
-        rectification = self.rectification and {side: (R, scale @ P) for side, (R, P) in self.rectification.items()}
+        scale = resampling((self.width, self.height), size)
         return replace(
             self,
             width=width,
             height=height,
-            left=replace(self.left, K=scale @ self.left.K),
-            right=replace(self.right, K=scale @ self.right.K),
-            rectification=rectification,
+            left=self.left.scaled(size),
+            right=self.right.scaled(size),
+            rectification=self.rectification and {side: (R, scale @ P) for side, (R, P) in self.rectification.items()},
         )
 
     def exchanged(self) -> "Rig":
         """The same rig with the right camera called left and the left one right."""
         other = str.maketrans("12", "21")
+        width, height = self.right.size
         return replace(
             self,
+            width=width,
+            height=height,
             left=self.right,
             right=self.left,
             R=self.R.T,
@@ -148,9 +175,14 @@ class Rig:
         """The same rig with the text of ``error``, which is not raised, as one more warning."""
         return replace(self, warnings=(*self.warnings, str(error)))
 
+    def spelling(self, role: str) -> tuple[str, str]:
+        """(file, field) of the field in ``role``."""
+        either = self.fields.get("size") if role.startswith("size") else None
+        return self.fields.get(role) or either or (self.source, role)
+
     def fault(self, role: str, value, problem: str) -> InputError:
         """The error for what is wrong with the field in ``role``, in the file's own spelling."""
-        where, name = self.fields.get(role, (self.source, role))
+        where, name = self.spelling(role)
         return InputError(where, name, value.tolist() if isinstance(value, np.ndarray) else value, problem)
 
 

@@ -120,10 +120,10 @@ def _sides(rig):
 
 def _centres(rig):
     for number, side in enumerate(SIDES, start=1):
-        K = rig.camera(side).K
-        for name, c, extent in (("cx", K[0, 2], rig.width), ("cy", K[1, 2], rig.height)):
+        K, (width, height) = rig.camera(side).K, rig.camera(side).size
+        for name, c, extent in (("cx", K[0, 2], width), ("cy", K[1, 2], height)):
             if abs(c - (extent - 1) / 2) > FARTHEST_CENTRE * extent:
-                problem = f"far from the middle of a {rig.width}x{rig.height} image: calibrated at another size?"
+                problem = f"far from the middle of a {width}x{height} image: calibrated at another size?"
                 rig = rig.warned(f"K{number}", f"{name} {c:.6g}", problem)
     return rig
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdl.arithmetic.cost import GOALS
+from hdl.calibration.rig import SIDES
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.selection import choose, fit
@@ -119,8 +120,9 @@ def build(view, options, top, progress=lambda step: None):
     Raises
     ------
     InputError
-        Where the budget, the line memory or the frame size cannot be met.
+        Where the budget, the line memory or the frame size cannot be met, and for `refuse_other_size`.
     """
+    refuse_other_size(view.fault, view.side, view.source_size, (view.width, view.height))
     progress("exact map")
     exact = view.map()
     considered = ()
@@ -131,7 +133,7 @@ def build(view, options, top, progress=lambda step: None):
         progress(f"word lengths of {options.datapath}")
         datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
     progress("error at every pixel")
-    error = datapath.coordinates.error(*exact)
+    error = datapath.coordinates.error(*exact, view.source_size)
     worst = max(error["u"]["max"], error["v"]["max"])
     if options.max_error is not None and worst > options.max_error:
         raise BudgetError(options.max_error, worst, f"{datapath.name} for the {view.side} camera")
@@ -170,6 +172,7 @@ def build(view, options, top, progress=lambda step: None):
             "origin": view.origin,
             "minimised": view.before and _minimised(view),
         },
+        source=dict(zip(("width", "height"), view.source_size)),
         width=view.width,
         height=view.height,
         lens=view.lens,
@@ -198,6 +201,26 @@ def build(view, options, top, progress=lambda step: None):
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
     return Core(parameters, exact, text, plan)
+
+
+def refuse_other_size(fault, side, source, rectified):
+    """Raise InputError where the images of a camera are not of the rectified images' size.
+
+    Parameters
+    ----------
+    fault : callable
+        `Rig.fault`.
+    side : str
+    source, rectified : (width, height)
+        px.
+    """
+    if source != rectified:
+        size = "{}x{}".format(*rectified)
+        problem = (
+            f"a source image of another size than the rectified one, {size}, is all that no core takes yet; "
+            f"--size {size} does for images that are resampled to it"
+        )
+        raise fault(f"size{1 + SIDES.index(side)}", "{}x{}".format(*source), problem)
 
 
 def _minimised(view):

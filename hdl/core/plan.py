@@ -20,14 +20,21 @@ class _Entry(BaseModel):
 
 
 class CameraEntry(_Entry):
-    """The camera whose images the core takes: the entry of the file that it was read from; K and D for the plan's frame
-    size, in px."""
+    """The camera whose images the core takes: the entry of the file that it was read from; K and D for images of the
+    size of `SourceEntry`, in px."""
 
     side: Literal["left", "right"]
     source: str
     model: str
     K: Matrix3x3
     D: list[float]
+
+
+class SourceEntry(_Entry):
+    """Size of the source image, px."""
+
+    width: int
+    height: int
 
 
 class MinimisedEntry(_Entry):
@@ -107,6 +114,7 @@ class ConsideredEntry(_Entry):
 class Plan(_Entry):
     """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned).
 
+    ``width`` and ``height`` are the rectified image's.
     ``distortion_dropped`` is what a core without the lens leaves out: how far the lens moves the source of a pixel;
     null where nothing is left out.
     """
@@ -115,6 +123,7 @@ class Plan(_Entry):
     top: str
     camera: CameraEntry
     rectification: RectificationEntry
+    source: SourceEntry
     width: int
     height: int
     lens: bool

@@ -51,10 +51,10 @@ class PlannedCore:
     @property
     def view(self):
         """The `View` that the plan states."""
-        camera = self.plan.camera
+        camera, size = self.plan.camera, (self.plan.source.width, self.plan.source.height)
         return View(
             camera.side,
-            Camera(camera.model, np.array(camera.K), np.array(camera.D)),
+            Camera(camera.model, np.array(camera.K), np.array(camera.D), size),
             np.array(self.plan.rectification.R),
             np.array(self.plan.rectification.P),
             self.plan.width,

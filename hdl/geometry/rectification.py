@@ -262,20 +262,33 @@ def _border_inside(view):
     with np.errstate(all="ignore"):
         u, v = view.project(xr, yr)
     front = view.ray[2] @ [xr, yr, np.ones_like(xr)] > 0
-    return front & inside_image(u, v, view.width, view.height)
+    return front & inside_image(u, v, *view.source_size)
 
 
 def _source_focal_length(rig):
-    return np.mean([camera.pinhole[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
+    """The mean of both cameras' and both axes' next to the optical axis, px of the rectified image's size."""
+    return np.mean([camera.pinhole[i, i] for camera in _common_size(rig) for i in (0, 1)])
+
+
+def _common_size(rig):
+    """Both cameras, their images resampled to the rectified size: corner to corner, so that they show what they did."""
+    size = np.array([rig.width, rig.height])
+    return [
+        replace(camera, K=np.diag([*((size - 1) / np.subtract(camera.size, 1)), 1]) @ camera.K)
+        for camera in (rig.left, rig.right)
+    ]
 
 
 def _stereo_rectify(rig, D1, D2, alpha):
-    """R1, R2, P1, P2."""
+    """R1, R2, P1, P2.
+
+    cv2.stereoRectify knows one image size, the rectified images' and both cameras'. R1 and R2 follow from R and T
+    alone; P from where the images' borders come to lie, which is the same for images resampled to that size.
+    """
     size, T = (rig.width, rig.height), rig.T.reshape(3, 1)
+    K1, K2 = (camera.K for camera in _common_size(rig))
     try:
-        return cv2.stereoRectify(
-            rig.left.K, D1, rig.right.K, D2, size, rig.R, T, flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha
-        )[:4]
+        return cv2.stereoRectify(K1, D1, K2, D2, size, rig.R, T, flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha)[:4]
     except cv2.error as error:
         raise rig.fault(*_larger_turn(rig), f"cv2.stereoRectify refuses the rig: {error.err}") from None
 

@@ -161,13 +161,15 @@ class _Sampled(_Measured):
 
     def __init__(self, view):
         x, y = (np.linspace(0, extent - 1, _CELLS + 1) for extent in (view.width, view.height))
+        width, height = view.source_size
+        scale = width / view.width, height / view.height
         with np.errstate(all="ignore"):
             u, v = view.project(x, y[:, None])
-            self.spread = _spread(view, v - y[:, None], u, v) if view.nearest() > 0 else np.inf
+            self.spread = _spread(view, v - y[:, None] * scale[1], u, v) if view.nearest() > 0 else np.inf
         self._spacing = x[1], y[1]
         middle = [(w[1:, 1:] + w[1:, :-1] + w[:-1, 1:] + w[:-1, :-1]) / 4 for w in (u, v)]
         # The part of a cell that lies inside the source is smooth in what is searched for; whole cells would be coarse.
-        area = _within(middle[0], view.width, x[1]) * _within(middle[1], view.height, y[1])
+        area = _within(middle[0], width, x[1] * scale[0]) * _within(middle[1], height, y[1] * scale[1])
         super().__init__(view, (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1])[:, None] / 2, area)
 
 
@@ -182,12 +184,13 @@ def _within(position, extent, spacing):
 
 
 def _spread(view, offset, u, v):
-    """Rows between the highest and the lowest tap inside the source, relative to the output row; px, not rounded.
+    """Rows between the highest and the lowest tap inside the source, relative to the row that is due; px, not rounded.
 
-    ``offset`` is v - yr at the corners of the cells. Where the source's edge runs between two corners the offset there
-    is interpolated.
+    ``offset`` is that from it to v at the corners of the cells. Where the source's edge runs between two corners the
+    offset there is interpolated.
     """
-    depth = 1 + np.minimum(np.minimum(u, view.width - 1 - u), np.minimum(v, view.height - 1 - v))  # px inside
+    width, height = view.source_size
+    depth = 1 + np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))  # px inside
     found = [offset[depth >= 0]]
     for near, far in (((slice(-1),), (slice(1, None),)), ((..., slice(-1)), (..., slice(1, None)))):
         crossing = (depth[near] >= 0) != (depth[far] >= 0)
