@@ -45,7 +45,7 @@ from hdl.calibration import (
     zed_opencv,
 )
 from hdl.calibration.documents import Document
-from hdl.calibration.rig import SIDES, Camera, Rig
+from hdl.calibration.rig import SIDES, STRETCH, Camera, Rig, stretch
 from hdl.errors import InputError
 
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
@@ -55,8 +55,6 @@ FORMATS = (
     ros, ros_message, ost, euroc, kalibr, kitti, basalt, depthai, realsense, zed, zed_opencv, mynt, orbslam, orbslam3,
     ov2slam, okvis, aslam, vins, stella, bouguet, matlab, plain, opencv,
 )  # fmt: skip
-
-STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
 
 _EMBEDDED = "opencv_samples.yml"
 _EXAMPLE = "the embedded example rig"
@@ -93,12 +91,12 @@ def load(
     """
     reader = _forced(format)
     recognised = reader.recognises if reader else _recognised
-    documents = []
+    documents, folders = [], [name for name in (path, *more) if folder.is_folder(name)]
     for name in (path, *more):
-        documents += folder.documents(name, recognised) if folder.is_folder(name) else [Document.open(name)]
+        documents += folder.documents(name, recognised) if name in folders else [Document.open(name)]
     for document in documents:
         unreadable.refuse(document)
-    reader = reader or _format(documents)
+    reader = reader or _format(documents, folders)
     if len(documents) > 1 and not reader.SEVERAL_FILES:
         problem = f"several calibrations ({reader.TITLE}), each complete in itself; name one"
         raise InputError(_names(documents), None, None, problem)
@@ -127,10 +125,10 @@ def _rig(reader, documents, size, select=None, lens_model=None):
 def _scaled(rig, width, height):
     scaled = rig.scaled(width, height)
     for size in dict.fromkeys((rig.left.size, rig.right.size)):
-        stretch = width * size[1] / (height * size[0])
-        if abs(stretch - 1) > STRETCH:
+        share = stretch(size, (width, height))
+        if share > STRETCH:
             problem = (
-                f"stretches the {size[0]}x{size[1]} images by {100 * abs(stretch - 1):.0f} %; "
+                f"stretches the {size[0]}x{size[1]} images by {100 * share:.0f} %; "
                 "where a sensor crops them the calibration needs another principal point instead"
             )
             scaled = scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
@@ -154,7 +152,7 @@ def _accompanies(candidate, document):
     return hasattr(candidate, "accompanies") and candidate.accompanies(document)
 
 
-def _format(documents):
+def _format(documents, folders):
     for candidate in FORMATS:
         recognised = [candidate.recognises(document) for document in documents]
         others = [document for document, itself in zip(documents, recognised) if not itself]
@@ -168,7 +166,9 @@ def _format(documents):
             raise InputError(document.name, None, None, problem)
         groups.setdefault(name, []).append(document)
     described = "; ".join(f"{name}: {_names(group)}" for name, group in groups.items())
-    problem = "files of different calibration formats; name those of one, or choose it with --format"
+    problem = "files of different calibration formats; name those of one"
+    if folders:  # of files that were named none is left out
+        problem += ", or choose it with --format"
     raise InputError(described, None, None, problem)
 
 

@@ -81,7 +81,7 @@ def describe(files, format, select, lens_model, size, as_json, target, **choices
     console = Console()
     for table in description.tables():
         console.print(table)
-    for line in warnings(rig, description.views):
+    for line in warnings(rig, description.views, options):
         console.print("[bold yellow]warning:[/]", escape(line), soft_wrap=True, highlight=False)
     for line in notes(rig, options, description.views):
         console.print("[bold]note:[/]", escape(line), soft_wrap=True, highlight=False)
@@ -130,7 +130,7 @@ class Description:
             "rows": {
                 side: {"lens": self.views[side].window.rows, "no_lens": self.plain[side].window.rows} for side in SIDES
             },
-            "warnings": warnings(rig, self.views),
+            "warnings": warnings(rig, self.views, self.options),
         }
 
     def tables(self) -> list[Table]:
@@ -147,7 +147,8 @@ class Description:
         table.add_row("T, x_right = R x_left + T", f"{_numbers(rig.T)} {rig.unit or ''}".rstrip())
         table.add_row("angle between the cameras", f"{turn:.3f} degrees")
         table.add_row("rectification", self.views["left"].origin)
-        table.add_row("rows of a point agree within", f"{row_disagreement(rig, self.views):.2g} px")
+        aligned = self.views["left"].aligned
+        table.add_row(f"{aligned} of a point agree within", f"{row_disagreement(rig, self.views):.2g} px")
         return table
 
     def _cameras(self):

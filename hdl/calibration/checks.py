@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from hdl.calibration import stance
 from hdl.calibration.rig import SIDES, Rig, unless_faulty
 from hdl.errors import InputError
 from hdl.lens import LENS_MODELS
@@ -137,17 +138,15 @@ def _no_rotation(R):
 
 
 def _check_baseline(rig):
-    """One camera beside the other. On which side is a matter of suspicions: OpenCV rectifies both ways."""
+    """A length, and a way of standing that can be rectified. Who stands on which side is no fault: OpenCV rectifies
+    both ways."""
     T = rig.T
     _check_finite(rig, "T", T)
     if not T.any():
         raise rig.fault("T", T, "the two cameras are in one place; a stereo rig has a baseline")
     if not 1 / LONGEST < np.abs(T).max() < LONGEST:
         raise rig.fault("T", T, "no length of a baseline in any unit")
-    x, y, _ = half_rotation(rig.R) @ T
-    if abs(y) > abs(x):
-        problem = "one camera is above the other; turn the images and the calibration by 90 degrees"
-        raise rig.fault("T", T, problem)
+    stance.check(rig)
 
 
 def _check_rectification(rig):
@@ -157,24 +156,20 @@ def _check_rectification(rig):
         _check_finite(rig, f"P{number}", P)
         _check_matrix(rig, f"P{number}", P[:, :3], (rig.width, rig.height), principal_point_inside=False)
     (R1, P1), (R2, P2) = (rig.rectification[side] for side in SIDES)
-    if abs(P2[1, 3]) > abs(P2[0, 3]):
-        raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")
-    leads_right = (R2 @ rig.T)[0] < 0
-    if leads_right != (P2[0, 3] - P1[0, 3] < 0):
-        if not leads_right:
-            problem = "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
-            raise rig.fault("T", rig.T, problem)
-        raise rig.fault("P2", P2[0], "the baseline has the wrong sign for a camera on the right")
+    axis = stance.along(P2[:, 3] - P1[:, 3])
     turn = np.linalg.norm(cv2.Rodrigues(R2 @ rig.R @ R1.T)[0])
     baseline = R2 @ rig.T / np.linalg.norm(rig.T)
-    if turn > CONTRADICTION or np.hypot(baseline[1], baseline[2]) > CONTRADICTION:
-        problem = "does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along x"
+    if turn > CONTRADICTION or np.linalg.norm(np.delete(baseline, axis)) > CONTRADICTION:
+        problem = f"does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along {'xy'[axis]}"
         raise rig.fault("R2", R2, problem)
-
-
-def half_rotation(R: np.ndarray) -> np.ndarray:
-    """(3, 3): the rotation by half the angle of ``R``, backwards; it takes the right camera half way to the left."""
-    return cv2.Rodrigues(-0.5 * cv2.Rodrigues(R)[0])[0]
+    onwards = baseline[axis] < 0
+    if onwards != (P2[axis, 3] - P1[axis, 3] < 0):
+        if not onwards:
+            problem = "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
+            raise rig.fault("T", rig.T, problem)
+        raise rig.fault(
+            "P2", P2[axis], f"the baseline has the wrong sign for a camera {('on the right', 'below')[axis]}"
+        )
 
 
 def _check_finite(rig, role, values):

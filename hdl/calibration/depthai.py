@@ -93,7 +93,7 @@ def _camera(fields):
         D = D[:4]
     model = lenses.model(fields.where, fields.name("cameraType"), _MODELS[kind], D)
     size = tuple(checks.whole(fields.where, fields.name(key), fields.get(key)) for key in ("width", "height"))
-    return Camera(model, fields.matrix("intrinsicMatrix", 3, 3), D, size)
+    return Camera(model, fields.matrix("intrinsicMatrix", 3, 3), D, size=size)
 
 
 def _motion(cameras, left, right):

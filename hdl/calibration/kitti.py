@@ -79,7 +79,7 @@ def _lines(document):
 
 def _camera(fields, name):
     D = fields.vector(f"D_{name}", (5,))
-    return Camera(polynomial_model(D), fields.matrix(f"K_{name}", 3, 3), D, fields.size(f"S_{name}"))
+    return Camera(polynomial_model(D), fields.matrix(f"K_{name}", 3, 3), D, size=fields.size(f"S_{name}"))
 
 
 def _from_first(fields, name):
@@ -104,4 +104,4 @@ def _warned_of_cut(rig, fields, name):
         f"KITTI's rectified images are the upper left corner, of this size, of the {rig.width}x{rig.height} here; "
         "with --alpha 0 the rectification is another one, which fills the frame"
     )
-    return rig.warned_as(fields.fault(key, "x".join(map(str, cut)), problem))
+    return rig.warned_as(fields.fault(key, "x".join(map(str, cut)), problem), of="rectification")

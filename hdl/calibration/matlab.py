@@ -91,4 +91,4 @@ def _camera(fields, size):
     K[:2, 2] -= 1
     radial, tangential = fields.vector("RadialDistortion", (2, 3)), fields.matrix("TangentialDistortion", 2)
     D = np.concatenate([radial[:2], tangential, radial[2:]])
-    return Camera(polynomial_model(D), K, D, _size(fields, size))
+    return Camera(polynomial_model(D), K, D, size=_size(fields, size))

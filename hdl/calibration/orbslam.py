@@ -50,4 +50,4 @@ def _camera(fields, side):
     names = f"{side}.width", f"{side}.height"
     size = tuple(checks.whole(fields.where, name, fields.get(name)) for name in names)
     D = fields.vector(f"{side}.D", POLYNOMIAL_COUNTS)
-    return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D, size)
+    return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D, size=size)

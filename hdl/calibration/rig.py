@@ -11,6 +11,8 @@ from hdl.lens import LENS_MODELS
 
 SIDES = ("left", "right")
 
+STRETCH = 0.01  # that frames of one shape may differ by; their sizes are whole numbers
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -49,6 +51,11 @@ class Camera:
         return self if size == self.size else replace(self, K=resampling(self.size, size) @ self.K, size=size)
 
 
+def stretch(old: tuple[int, int], new: tuple[int, int]) -> float:
+    """By what share an image of size ``old`` is stretched along one axis, against the other, to become ``new``."""
+    return abs(new[0] * old[1] / (new[1] * old[0]) - 1)
+
+
 def resampling(old: tuple[int, int], new: tuple[int, int]) -> np.ndarray:
     """(3, 3): from px of an image of size ``old`` to px of the same one of size ``new``, pixel centres at integers."""
     sx, sy = (after / before for before, after in zip(old, new))
@@ -82,6 +89,8 @@ class Rig:
         for :attr:`origins`.
     warnings : tuple of str
         What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
+    rectification_warnings : tuple of str
+        Likewise, of the rectification that the file carries: of no interest where another one is chosen.
     notes : tuple of str
         What was decided for the user without being wrong: each one line.
     format : str or None
@@ -100,6 +109,7 @@ class Rig:
     rectification_fault: InputError | None = None
     fields: Mapping[str, tuple[str, str]] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
+    rectification_warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str | None = None
 
@@ -167,13 +177,15 @@ class Rig:
             fields={role.translate(other): spelling for role, spelling in self.fields.items()},
         )
 
-    def warned(self, role: str, value, problem: str) -> "Rig":
-        """The same rig with one more warning, worded as :meth:`fault` words an error."""
-        return self.warned_as(self.fault(role, value, problem))
+    def warned(self, role: str, value, problem: str, *, of: str = "rig") -> "Rig":
+        """The same rig with one more warning, worded as :meth:`fault` words an error; of the "rig" or its
+        "rectification"."""
+        return self.warned_as(self.fault(role, value, problem), of=of)
 
-    def warned_as(self, error: InputError) -> "Rig":
+    def warned_as(self, error: InputError, *, of: str = "rig") -> "Rig":
         """The same rig with the text of ``error``, which is not raised, as one more warning."""
-        return replace(self, warnings=(*self.warnings, str(error)))
+        name = {"rig": "warnings", "rectification": "rectification_warnings"}[of]
+        return replace(self, **{name: (*getattr(self, name), str(error))})
 
     def spelling(self, role: str) -> tuple[str, str]:
         """(file, field) of the field in ``role``."""

@@ -58,6 +58,10 @@ class Window:
         """
         return max(self.d_hi, 0)
 
+    def leaves_room(self, height):
+        """Whether a core can follow: output row 0 starts before the last one of ``height`` source rows is in."""
+        return self.lead <= height - 2
+
     @property
     def rows(self):
         """Source rows kept: those between the extremes, one being written, one being released; an even number."""

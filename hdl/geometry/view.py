@@ -39,6 +39,8 @@ class View:
         Size of the rectified image, px.
     lens : bool
         Whether the map contains the lens. Without it, it is the homography of Eq. 2.
+    aligned : str
+        "rows" or "columns": which of a point agree in both rectified images of the pair.
     origin : str
         Where R and P come from, in words.
     entry : str
@@ -60,6 +62,7 @@ class View:
     width: int
     height: int
     lens: bool
+    aligned: str = "rows"
     origin: str = "given"
     entry: str = ""
     unit: str | None = None

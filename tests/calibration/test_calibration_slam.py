@@ -48,11 +48,14 @@ class TestRos:
             f"left.yaml: image_width, image_height = {message}: an image size must lie between 16 and 16384 px"
         )
 
-    def test_vertical_pair_is_refused_with_advice(self):
-        P = [433.8, 0, 337.5, 0, 0, 433.8, 176.7, -34.08, 0, 0, 1, 0]
-        message = refusal(*ros_pair({"R": np.eye(3).ravel().tolist()}, {"P": P, "R": np.eye(3).ravel().tolist()}))
-        assert message.startswith("right.yaml: projection_matrix = [0.0, -0.0785")
-        assert message.endswith("one camera is above the other; turn the images and the calibration by 90 degrees")
+    def test_vertical_pair_has_its_baseline_in_the_second_row(self):
+        """camera_calibration writes -fy B there, and the upper camera is the left one."""
+        P = [*LEFT["P"][:7], -34.08, *LEFT["P"][8:]]
+        change = {"R": np.eye(3).ravel().tolist()}
+        for paths in (ros_pair(change, change | {"P": P}), ("right.yaml", "left.yaml")):
+            rig = load(*paths)
+            assert rig.T == pytest.approx([0, -34.08 / LEFT["P"][5], 0]) and not rig.warnings
+            assert rig.right.K[0, 0] == RIGHT["K"][0]
 
     @pytest.mark.parametrize("model, count, expected", [
         ("plumb_bob", 5, "radtan"), ("plumb_bob", 4, "radtan"), ("rational_polynomial", 8, "rational"),
@@ -188,7 +191,7 @@ class TestKitti:
         assert P.ravel().tolist() == [float(number) for number in KITTI["P_rect_01"]]
         assert R.ravel().tolist() == [float(number) for number in KITTI["R_rect_01"]]
         assert (rig.width, rig.height) == (1392, 512)
-        assert rig.warnings == (
+        assert rig.rectification_warnings == (
             "rig.yml: S_rect_00 = 1242x375: KITTI's rectified images are the upper left corner, of this size, of the "
             "1392x512 here; with --alpha 0 the rectification is another one, which fills the frame",
         )
