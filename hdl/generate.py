@@ -13,7 +13,7 @@ from hdl.arithmetic.cost import GOALS
 from hdl.calibration.options import lens_model_option
 from hdl.calibration.rig import SIDES
 from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
-from hdl.core.build import AUTO, Options, build, refuse_other_size
+from hdl.core.build import AUTO, Options, build, refuse_other_size, refuse_whole_frames
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
@@ -218,7 +218,8 @@ def build_cores(
     if choices.minimise:
         progress("rectification with the fewest rows")
     views = rectify(rig, choices, lens=datapath in able if lens is None else lens)
-    for text in (*warnings(rig, views), *notes(rig, choices, views)):
+    refuse_whole_frames(rig, views, choices, tops)
+    for text in (*warnings(rig, views, choices), *notes(rig, choices, views)):
         note(text)
     return [
         build(views[side], options, name, lambda step, side=side: progress(f"{side} camera: {step}"))

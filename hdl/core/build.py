@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdl.arithmetic.cost import GOALS
-from hdl.calibration.rig import SIDES
+from hdl.calibration.rig import SIDES, STRETCH, stretch
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.selection import choose, fit
 from hdl.errors import BudgetError, InputError
 from hdl.geometry.coordinates import Border
+from hdl.geometry.notes import turned
+from hdl.geometry.rectification import helpful, rectify
 from hdl.geometry.row_minimisation import loss
 from hdl.stream.rectifier import PIXEL_FORMATS, Rectifier, RectifierParameters
 from hdl.tools import verilog
@@ -140,11 +142,16 @@ def build(view, options, top, progress=lambda step: None):
     progress("line buffer")
     try:
         parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
-        line_buffer = parameters.line_buffer
     except InputError:
         raise
     except ValueError as problem:  # the frame is too small
         raise InputError("--size", None, f"{view.width}x{view.height}", str(problem)) from problem
+    try:
+        line_buffer = parameters.line_buffer
+    except InputError:
+        raise
+    except ValueError as problem:  # the map asks for a whole frame
+        raise view.fault(*view.geometry, str(problem)) from problem
     kib = line_buffer.bits / 8 / 1024
     if kib > options.max_line_buffer_kib:
         raise InputError(
@@ -169,6 +176,7 @@ def build(view, options, top, progress=lambda step: None):
             "R": view.R.tolist(),
             "P": view.P.tolist(),
             "unit": view.unit,
+            "aligned": view.aligned,
             "origin": view.origin,
             "minimised": view.before and _minimised(view),
         },
@@ -216,11 +224,34 @@ def refuse_other_size(fault, side, source, rectified):
     """
     if source != rectified:
         size = "{}x{}".format(*rectified)
-        problem = (
-            f"a source image of another size than the rectified one, {size}, is all that no core takes yet; "
-            f"--size {size} does for images that are resampled to it"
-        )
+        problem = f"a source image of another size than the rectified one, {size}, is all that no core takes yet"
+        if stretch(source, rectified) <= STRETCH:
+            problem += f"; --size {size} does for images that are resampled to it"
         raise fault(f"size{1 + SIDES.index(side)}", "{}x{}".format(*source), problem)
+
+
+def refuse_whole_frames(rig, views, options, sides):
+    """Raise InputError, with the cause, where no core can follow the map of one of ``sides``: before any is fitted.
+
+    ``views`` are those of ``rig`` (`Rig`) and ``options`` (`RectificationOptions`). A core rounds its coordinates, and
+    may be refused for one row more.
+    """
+    if all(_can_follow(views[side]) for side in sides):
+        return
+    if turn := turned(rig, views, options):
+        raise turn
+    view = next(views[side] for side in sides if not _can_follow(views[side]))
+    problem = (
+        f"the first row of the rectified {view.side} image shows row {view.window.lead} of the source's "
+        f"{view.source_size[1]}, and no core holds a whole frame"
+    )
+    others = [choice for choice in helpful(rig) if all(map(_can_follow, rectify(rig, choice, lens=view.lens).values()))]
+    found = " or ".join(choice.spelled for choice in others)
+    raise rig.fault(*view.geometry, problem + (f"; {found} would do" if found else ""))
+
+
+def _can_follow(view):
+    return view.window.leaves_room(view.source_size[1])
 
 
 def _minimised(view):

@@ -48,11 +48,12 @@ class MinimisedEntry(_Entry):
 
 class RectificationEntry(_Entry):
     """R rotates the camera's frame into the rectified one, P projects that to rectified px, the baseline in it in
-    ``unit``."""
+    ``unit``. A point lies on one row of both rectified images, or on one column: what is ``aligned``."""
 
     R: Matrix3x3
     P: Matrix3x4
     unit: Literal["m"] | None
+    aligned: Literal["rows", "columns"]
     origin: str
     minimised: MinimisedEntry | None
 
