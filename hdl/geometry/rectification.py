@@ -108,7 +108,8 @@ def _views(rig, rectification, lens, **details):
     aligned = stance.ALIGNED[stance.along(P2[:, 3] - P1[:, 3])]
     return {
         side: View(
-            side, rig.camera(side), R, P, rig.width, rig.height, lens, aligned=aligned, entry=rig.origins[side], **details
+            side, rig.camera(side), R, P, rig.width, rig.height, lens,
+            aligned=aligned, entry=rig.origins[side], **details,
         )
         for side, (R, P) in rectification.items()
     }  # fmt: skip
@@ -197,10 +198,11 @@ def _coefficients(rig):
 def _degenerate_fault(rig, alpha, P1):
     """What is to be said of a rectification by cv2.stereoRectify with a magnification that cannot be meant."""
     D1, D2 = _coefficients(rig)
-    culprit, reason = ("D1", D1), ""
+    culprit, reason, turn = ("D1", D1), "", stance.largest_turn(rig)
     if _degenerate(rig, *_stereo_rectify(rig, None, None, alpha)[2:], MAGNIFIED):
-        turn = stance.largest_turn(rig)
-        culprit, reason = (turn.role, turn.value), f", as {turn.cause}"
+        culprit = turn.role, turn.value
+        if turn.angle >= stance.UNUSUAL:
+            reason = f", as {turn.cause}"
     elif _degenerate(rig, *_stereo_rectify(rig, None, D2, alpha)[2:]):
         culprit = "D2", D2
     times = P1[0, 0] / _source_focal_length(rig)

@@ -10,7 +10,9 @@ from calibration_files import refusal, transform, turn, write
 from commands import ended
 from format_files import bouguet_camera, depthai, euroc, kalibr, kitti, matlab, orbslam, ros
 from rig_numbers import ASL, KITTI, OAKD, ORBSLAM, ROS
+from ros_files import message
 from scipy.io import savemat
+from slam_files import EUROC, aslam, basalt, camodocal, okvis, ov2slam, vins
 
 from hdl.calibration import SIDES, convert, embedded, load
 from hdl.calibration.__main__ import describe
@@ -20,6 +22,8 @@ from hdl.generate import generate
 from hdl.geometry.notes import row_disagreement
 from hdl.geometry.rectification import RectificationOptions, rectify
 from sim.run import simulate
+
+SMALL, LARGE = (752, 480), (1504, 960)
 
 
 @pytest.fixture(autouse=True)
@@ -102,6 +106,74 @@ def test_each_camera_has_the_size_that_its_file_states(make):
     views = rectify(rig, lens=True)
     assert [(view.width, view.height) for view in views.values()] == [left, left]
     assert [view.source_size for view in views.values()] == [left, right]
+
+
+def _doubled():
+    """A pair of 752x480 and 1504x960."""
+    left, right = (dict(camera) for camera in EUROC)
+    return [left, right | {"intrinsics": [2 * value for value in right["intrinsics"]]}]
+
+
+def _second(text, old, new):
+    """``text``, ``old`` replaced where it stands the second time."""
+    head, tail = text.rsplit(old, 1)
+    return head + new + tail
+
+
+def _basalt():
+    content = json.loads(basalt(SMALL, _doubled()))
+    content["value0"]["resolution"][1] = list(LARGE)
+    return write(json.dumps(content)), "value0.resolution[1]"
+
+
+def _okvis():
+    text = _second(okvis(SMALL, _doubled()), "image_dimension: [752, 480]", "image_dimension: [1504, 960]")
+    return write(text), "cameras[1].image_dimension"
+
+
+def _aslam():
+    text = _second(
+        aslam(SMALL, _doubled()), "image_height: 480\n    image_width: 752", "image_height: 960\n    image_width: 1504"
+    )
+    return write(text), "cameras[1].camera.image_width, image_height"
+
+
+def _ov2slam():
+    changes = {"Camera.right_nwidth": 1504, "Camera.right_nheight": 960}
+    return write(ov2slam(SMALL, _doubled(), changes=changes)), "Camera.right_nwidth, Camera.right_nheight"
+
+
+def _vins():
+    for name, size, camera in zip(("left", "right"), (SMALL, LARGE), _doubled()):
+        write(camodocal(size, camera), f"{name}.yaml")
+    return write(vins(SMALL, _doubled()), "vins.yaml"), "image_width, image_height"
+
+
+def _plain():
+    left, right = _doubled()
+    motion = np.linalg.inv(np.reshape(right["T_BS"], (4, 4))) @ np.reshape(left["T_BS"], (4, 4))
+    content = {"R": motion[:3, :3].tolist(), "T": motion[:3, 3].tolist()}
+    for side, size, camera in (("left", SMALL, left), ("right", LARGE, right)):
+        fx, fy, cx, cy = camera["intrinsics"]
+        content |= {f"{side}_K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], f"{side}_D": camera["D"], f"{side}_size": size}
+    return write(json.dumps(content), "rig.json"), "right_size"
+
+
+def _messages():
+    rig = ROS["ps4eye"]
+    right = rig["right"] | {"K": [2.0 * x for x in rig["right"]["K"][:8]] + [1.0]}
+    texts = message(rig["size"], **rig["left"]), message((1280, 800), **right)
+    return write("".join(texts)), "message 2.width, height"
+
+
+@pytest.mark.parametrize("make", [_basalt, _okvis, _aslam, _ov2slam, _vins, _plain, _messages])
+def test_other_forms_state_two_sizes_too(make):
+    path, field = make()
+    rig = load(path)
+    assert rig.right.size == tuple(2 * extent for extent in rig.left.size) and rig.spelling("size2")[1] == field
+    views = rectify(rig, lens=True)
+    assert row_disagreement(rig, views) < 1e-6
+    assert all(view.inside.mean() > 0.95 for view in views.values())
 
 
 def test_a_camera_that_states_no_size_has_the_rigs():
