@@ -13,7 +13,7 @@ from hdl.arithmetic.cost import GOALS
 from hdl.calibration.options import lens_model_option
 from hdl.calibration.rig import SIDES
 from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
-from hdl.core.build import AUTO, Options, build
+from hdl.core.build import AUTO, Options, build, refuse_other_size, refuse_whole_frames
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
@@ -156,7 +156,8 @@ def generate(calibrations, size, file_format, select, lens_model, camera, as_jso
     """
     with steps() as progress:
         progress("calibration")
-        rig = load_rig(calibrations, size, file_format, select, lens_model)
+        sides = [camera] if camera else SIDES
+        rig = load_rig(calibrations, size, file_format, select, lens_model, sides)
         cores = build_cores(camera, progress, rig, **choices)
     write(cores, output, calibrations)
     if as_json:
@@ -217,7 +218,8 @@ def build_cores(
     if choices.minimise:
         progress("rectification with the fewest rows")
     views = rectify(rig, choices, lens=datapath in able if lens is None else lens)
-    for text in (*warnings(rig, views), *notes(rig, choices, views)):
+    refuse_whole_frames(rig, views, choices, tops)
+    for text in (*warnings(rig, views, choices), *notes(rig, choices, views)):
         note(text)
     return [
         build(views[side], options, name, lambda step, side=side: progress(f"{side} camera: {step}"))
@@ -225,10 +227,16 @@ def build_cores(
     ]
 
 
-def load_rig(paths, size, file_format, select, lens_model):
-    """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own."""
+def load_rig(paths, size, file_format, select, lens_model, sides=SIDES):
+    """The rig of the given calibration files, or the embedded one, at ``size`` (width, height) or its own.
+
+    Raises InputError, too, where no core can be built for one of ``sides`` because of the sizes of the images.
+    """
     if paths:
-        return calibration.load(*paths, size=size, format=file_format, select=select, lens_model=lens_model)
+        rig = calibration.load(*paths, size=size, format=file_format, select=select, lens_model=lens_model)
+        for side in sides:
+            refuse_other_size(rig.fault, side, rig.camera(side).size, (rig.width, rig.height))
+        return rig
     for option, value in (("--format", file_format), ("--select", select), ("--lens-model", lens_model)):
         if value is not None:
             raise InputError(option, None, value, "there is no CALIBRATION to read; the example rig needs none")

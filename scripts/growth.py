@@ -84,7 +84,7 @@ def table(size):
     """The row of `table`, estimated: that of its coordinates, with the lens."""
     view = rectify(calibration.embedded(size), lens=True)["left"]
     stored = Table.of(view, Options.fraction_bits)
-    error = stored.coordinates.error(*view.map())
+    error = stored.coordinates.error(*view.map(), view.source_size)
     return {
         **_frame("table", True, *size),
         "scope": "coordinates",

@@ -7,6 +7,7 @@ import rich_click as click
 
 from hdl.calibration import SIDES, Rig
 from hdl.cli import run, steps
+from hdl.geometry.choices import MAX_FOV_LOSS
 from hdl.geometry.notes import row_disagreement
 from hdl.geometry.rectification import RectificationOptions, rectify
 from hdl.geometry.row_minimisation import loss
@@ -21,7 +22,7 @@ HEADINGS = ("rig", "frame", "lens", "rows before", "rows after", "saved", "lost"
 @click.option(
     "--max-fov-loss",
     type=float,
-    default=RectificationOptions.max_fov_loss,
+    default=MAX_FOV_LOSS,
     show_default=True,
     metavar="SHARE",
     help="What of the view may be given up.",
@@ -47,7 +48,7 @@ def minimise_rows(names, max_fov_loss, data, json_file):
 
 def measure(rig: Rig, options: RectificationOptions, lens: bool) -> dict:
     """What ``options``, with ``minimise``, make of ``rig``: rows, exhaustively counted, and the price of it."""
-    before = rectify(rig, replace(options, minimise=None), lens=lens)
+    before = rectify(rig, replace(options, minimise=None, max_fov_loss=None), lens=lens)
     start = time.perf_counter()
     after = rectify(rig, options, lens=lens)
     seconds = time.perf_counter() - start

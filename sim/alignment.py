@@ -10,7 +10,7 @@ _SLOPED, _STEPS = 5, 25  # Newton steps with new slopes, and altogether
 
 
 class RowDifference(NamedTuple):
-    """Difference of the rows on which the two images show a point.
+    """Difference of the rows, or of the columns, on which the two images show a point.
 
     Members
     -------
@@ -57,7 +57,7 @@ def rectified_positions(map_u, map_v, points):
     return np.where(shown[:, None], at, np.nan)
 
 
-def row_difference(maps, points):
+def row_difference(maps, points, aligned="rows"):
     """Statistics of rows after rectification, or before.
 
     Parameters
@@ -66,6 +66,8 @@ def row_difference(maps, points):
         Coordinate maps as for :func:`rectified_positions`; None leaves the points where they are.
     points : {"left": (n, 2), "right": (n, 2)}
         Source positions of the same n points, as from :func:`sim.scene.visible_points`.
+    aligned : "rows" or "columns"
+        What the rectification aligns, and so what is compared.
 
     Returns
     -------
@@ -76,8 +78,9 @@ def row_difference(maps, points):
     ValueError
         When no point is left.
     """
+    axis = ("columns", "rows").index(aligned)
     rows = [
-        np.asarray(points[side])[:, 1] if maps is None else rectified_positions(*maps[side], points[side])[:, 1]
+        np.asarray(points[side])[:, axis] if maps is None else rectified_positions(*maps[side], points[side])[:, axis]
         for side in ("left", "right")
     ]
     difference = np.abs(rows[0] - rows[1])

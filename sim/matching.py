@@ -39,12 +39,16 @@ def features(left, right):
     return None if inliers is None else [side[inliers.ravel() > 0] for side in points]
 
 
-def matched_rows(left, right):
-    """`RowDifference` of the `features` of two frames, (height, width) or with 3 channels, uint8; None without any."""
+def matched_rows(left, right, aligned="rows"):
+    """`RowDifference` of the `features` of two frames, (height, width) or with 3 channels, uint8; None without any.
+
+    ``aligned``: "rows" or "columns", whichever is to be compared.
+    """
     points = features(
         *(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image for image in (left, right))
     )
     if points is None or not len(points[0]):
         return None
-    apart = np.abs(points[0][:, 1] - points[1][:, 1])
+    axis = ("columns", "rows").index(aligned)
+    apart = np.abs(points[0][:, axis] - points[1][:, axis])
     return RowDifference(float(apart.mean()), float(apart.max()), len(apart))

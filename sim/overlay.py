@@ -1,4 +1,5 @@
-"""Two images side by side under common horizontal lines: what is in one row of both is rectified."""
+"""Two images side by side under common horizontal lines: what is in one row of both is rectified. Or one above the
+other, under common vertical ones, where columns are."""
 
 import cv2
 import numpy as np
@@ -6,6 +7,14 @@ import numpy as np
 _LINE = (0, 159, 230)  # blue, green, red: orange, of the palette by Okabe and Ito; neither gray nor lost to anyone
 _PAPER, _TEXT = (255, 255, 255), (40, 40, 40)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def column_overlay(left, right, lines=16):
+    """As `epipolar_overlay`, for images with columns in common: left above right, under lines that run downwards.
+
+    Returns (2 H + gap, W, 3) uint8.
+    """
+    return epipolar_overlay(*(np.swapaxes(image, 0, 1) for image in (left, right)), lines).swapaxes(0, 1)
 
 
 def epipolar_overlay(left, right, lines=16, captions=None):

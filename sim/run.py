@@ -22,7 +22,7 @@ from sim import matching
 from sim.alignment import row_difference
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
-from sim.overlay import epipolar_overlay
+from sim.overlay import column_overlay, epipolar_overlay
 from sim.remap import cv2_remap, remap
 from sim.scene import render, visible_points
 
@@ -123,8 +123,9 @@ def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, l
         rows = matched_rows(results) if left else known_rows(rig, results)
         pictures = write_pictures(results, output)
     if left and rows and rows["after"].mean > SUSPICIOUS:
+        mean = rows["after"].mean
         note(
-            f"{left}, {right}: rows of matched points still differ by {rows['after'].mean:.1f} px on average; "
+            f"{left}, {right}: {_aligned(results)} of matched points still differ by {mean:.1f} px on average; "
             "is the calibration of these cameras, and left the left one?"
         )
 
@@ -249,18 +250,25 @@ def known_rows(rig, results):
     for side, result in results.items():
         coordinates = result.core.parameters.datapath.coordinates
         maps[side] = (coordinates.u * 2.0**-coordinates.fraction_bits, coordinates.v * 2.0**-coordinates.fraction_bits)
-    return {"before": row_difference(None, points), "after": row_difference(maps, points)}
+    aligned = _aligned(results)
+    return {"before": row_difference(None, points, aligned), "after": row_difference(maps, points, aligned)}
 
 
 def matched_rows(results):
     """Row differences of points that both cameras' images show, before and after the hardware: two `RowDifference`, or
     None where too few points are found."""
-    shift = results["left"].core.plan.pixel_bits - 8
-    rows = {
-        when: matching.matched_rows(*((getattr(results[side], stage) >> shift).astype(np.uint8) for side in SIDES))
+    plan = results["left"].core.plan
+    pairs = {
+        when: [(getattr(results[side], stage) >> (plan.pixel_bits - 8)).astype(np.uint8) for side in SIDES]
         for when, stage in (("before", "source"), ("after", "rectified"))
     }
+    rows = {when: matching.matched_rows(*pair, _aligned(results)) for when, pair in pairs.items()}
     return rows if all(rows.values()) else None
+
+
+def _aligned(results):
+    """What the two cores align: "rows", or "columns" of cameras that stand one above the other."""
+    return results["left"].core.plan.rectification.aligned
 
 
 def write_pictures(results, directory):
@@ -269,8 +277,9 @@ def write_pictures(results, directory):
     for stage in ("source", "rectified"):
         pair = [getattr(results[side], stage) for side in SIDES]
         images.update({f"{side}_{stage}": image for side, image in zip(SIDES, pair)})
-        shift = results["left"].core.plan.pixel_bits - 8
-        images[f"epipolar_{stage}"] = epipolar_overlay(*((image >> shift).astype(np.uint8) for image in pair))
+        plan = results["left"].core.plan
+        overlay = epipolar_overlay if _aligned(results) == "rows" else column_overlay
+        images[f"epipolar_{stage}"] = overlay(*((image >> (plan.pixel_bits - 8)).astype(np.uint8) for image in pair))
     paths = {name: directory / f"{name}.png" for name in PICTURES}
     files.write({paths[name]: cv2.imencode(".png", image)[1].tobytes() for name, image in images.items()})
     return paths
@@ -291,7 +300,7 @@ def as_dict(results, rows, pictures):
             }
             for side, result in results.items()
         },
-        "row_difference": rows and {stage: row._asdict() for stage, row in rows.items()},
+        f"{_aligned(results)[:-1]}_difference": rows and {stage: row._asdict() for stage, row in rows.items()},
         "pictures": {name: str(path) for name, path in pictures.items()},
     }
 
@@ -325,8 +334,9 @@ def _print(results, rows, points, pictures):
     if rows:
         before, after = rows["before"], rows["after"]
         console.print(
-            f"Rows of {after.n} {points} points in the left and right image differ by {before.mean:.2f} px on average "
-            f"(at most {before.max:.2f}) before, {after.mean:.3f} px (at most {after.max:.3f}) after."
+            f"{_aligned(results).capitalize()} of {after.n} {points} points in the left and right image differ by "
+            f"{before.mean:.2f} px on average (at most {before.max:.2f}) before, {after.mean:.3f} px (at most "
+            f"{after.max:.3f}) after."
         )
     for side in SIDES:
         core = results[side].core

@@ -63,7 +63,7 @@ def write(content, name="rig.yml"):
 
 
 # What follows a fault in the file's own rectification, which is refused where that is wanted.
-UNUSED = "; --alpha 0, --focal or --fov do without it"
+UNUSED = "; --alpha 0 or --fov 65 would do"
 
 
 def refusal(*paths, **options):

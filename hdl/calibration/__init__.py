@@ -47,7 +47,7 @@ from hdl.calibration import (
     zed_opencv,
 )
 from hdl.calibration.documents import Document
-from hdl.calibration.rig import SIDES, Camera, Rig
+from hdl.calibration.rig import SIDES, STRETCH, Camera, Rig, stretch
 from hdl.errors import InputError
 
 __all__ = ["FORMATS", "SIDES", "Camera", "Rig", "embedded", "load"]
@@ -57,8 +57,6 @@ FORMATS = (
     ros, ros_message, ost, euroc, kalibr, kitti, basalt, depthai, realsense, zed, zed_opencv, mynt, orbslam, orbslam3,
     ov2slam, okvis, aslam, vins, stella, bouguet, matlab, plain, opencv,
 )  # fmt: skip
-
-STRETCH = 0.01  # of one axis against the other; frame sizes are whole numbers
 
 _EMBEDDED = "opencv_samples.yml"
 _EXAMPLE = "the embedded example rig"
@@ -79,8 +77,8 @@ def load(
     path, *more : str or Path
         In any order. A folder stands for the calibration files in it.
     size : (width, height), optional
-        The frame size in px. A calibration of another size is scaled to it; one that states none is taken to be of it;
-        of one with several resolutions it chooses the one.
+        The frame size in px. A calibration of another size is scaled to it, both cameras of it where they have two;
+        one that states none is taken to be of it; of one with several resolutions it chooses the one.
     format : str, optional
         NAME of the format that the files are in, for files that are not recognised, or as two formats.
     select : str, optional
@@ -95,12 +93,12 @@ def load(
     """
     reader = _forced(format)
     recognised = reader.recognises if reader else _recognised
-    documents = []
+    documents, folders = [], [name for name in (path, *more) if folder.is_folder(name)]
     for name in (path, *more):
-        documents += folder.documents(name, recognised) if folder.is_folder(name) else [Document.open(name)]
+        documents += folder.documents(name, recognised) if name in folders else [Document.open(name)]
     for document in documents:
         unreadable.refuse(document)
-    reader = reader or _format(documents)
+    reader = reader or _format(documents, folders)
     if len(documents) > 1 and not reader.SEVERAL_FILES:
         problem = f"several calibrations ({reader.TITLE}), each complete in itself; name one"
         raise InputError(_names(documents), None, None, problem)
@@ -133,15 +131,16 @@ def _rig(
 
 
 def _scaled(rig: Rig, width: int, height: int) -> Rig:
-    stretch = width * rig.height / (height * rig.width)
     scaled = rig.scaled(width, height)
-    if abs(stretch - 1) <= STRETCH:
-        return scaled
-    problem = (
-        f"stretches the {rig.width}x{rig.height} images by {100 * abs(stretch - 1):.0f} %; "
-        "where a sensor crops them the calibration needs another principal point instead"
-    )
-    return scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
+    for size in dict.fromkeys((rig.left.size, rig.right.size)):
+        share = stretch(size, (width, height))
+        if share > STRETCH:
+            problem = (
+                f"stretches the {size[0]}x{size[1]} images by {100 * share:.0f} %; "
+                "where a sensor crops them the calibration needs another principal point instead"
+            )
+            scaled = scaled.warned_as(InputError("--size", None, f"{width}x{height}", problem))
+    return scaled
 
 
 def _forced(format: str | None) -> ModuleType | None:
@@ -161,7 +160,7 @@ def _accompanies(candidate: ModuleType, document: Document) -> bool:
     return hasattr(candidate, "accompanies") and candidate.accompanies(document)
 
 
-def _format(documents: list[Document]) -> ModuleType:
+def _format(documents: list[Document], folders: list[str | Path]) -> ModuleType:
     for candidate in FORMATS:
         recognised = [candidate.recognises(document) for document in documents]
         others = [document for document, itself in zip(documents, recognised) if not itself]
@@ -175,7 +174,9 @@ def _format(documents: list[Document]) -> ModuleType:
             raise InputError(document.name, None, None, problem)
         groups.setdefault(name, []).append(document)
     described = "; ".join(f"{name}: {_names(group)}" for name, group in groups.items())
-    problem = "files of different calibration formats; name those of one, or choose it with --format"
+    problem = "files of different calibration formats; name those of one"
+    if folders:  # of files that were named none is left out
+        problem += ", or choose it with --format"
     raise InputError(described, None, None, problem)
 
 

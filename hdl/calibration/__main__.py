@@ -81,7 +81,7 @@ def describe(files, format, select, lens_model, size, as_json, target, **choices
     console = Console()
     for table in description.tables():
         console.print(table)
-    for line in warnings(rig, description.views):
+    for line in warnings(rig, description.views, options):
         console.print("[bold yellow]warning:[/]", escape(line), soft_wrap=True, highlight=False)
     for line in notes(rig, options, description.views):
         console.print("[bold]note:[/]", escape(line), soft_wrap=True, highlight=False)
@@ -115,6 +115,8 @@ class Description:
             **{
                 side: {
                     "source": rig.origins[side],
+                    "width": camera.size[0],
+                    "height": camera.size[1],
                     "model": camera.model,
                     "K": camera.K.tolist(),
                     "D": camera.D.tolist(),
@@ -128,7 +130,7 @@ class Description:
             "rows": {
                 side: {"lens": self.views[side].window.rows, "no_lens": self.plain[side].window.rows} for side in SIDES
             },
-            "warnings": warnings(rig, self.views),
+            "warnings": warnings(rig, self.views, self.options),
         }
 
     def tables(self) -> list[Table]:
@@ -140,19 +142,25 @@ class Description:
         unit = rig.unit or "(the file does not say of what)"
         turn = np.degrees(np.linalg.norm(cv2.Rodrigues(rig.R)[0]))
         table.add_row("format", next((each.TITLE for each in calibration.FORMATS if each.NAME == rig.format), "none"))
-        table.add_row("images", f"{rig.width}x{rig.height} px")
+        table.add_row("images", f"{rig.width}x{rig.height} px" if len(rig.sizes) == 1 else "of two sizes")
         table.add_row("baseline", f"{np.linalg.norm(rig.T):.6g} {unit}")
         table.add_row("T, x_right = R x_left + T", f"{_numbers(rig.T)} {rig.unit or ''}".rstrip())
         table.add_row("angle between the cameras", f"{turn:.3f} degrees")
         table.add_row("rectification", self.views["left"].origin)
-        table.add_row("rows of a point agree within", f"{row_disagreement(rig, self.views):.2g} px")
+        aligned = self.views["left"].aligned
+        table.add_row(f"{aligned} of a point agree within", f"{row_disagreement(rig, self.views):.2g} px")
         return table
 
     def _cameras(self):
         cameras = [self.rig.camera(side) for side in SIDES]
         views, plain = ([pair[side] for side in SIDES] for pair in (self.views, self.plain))
-        rows = [
-            ("read from", [self.rig.origins[side] for side in SIDES]),
+        rows = [("read from", [self.rig.origins[side] for side in SIDES])]
+        if len(self.rig.sizes) > 1:
+            rows += [
+                ("image", ["{}x{} px".format(*camera.size) for camera in cameras]),
+                ("rectified image", [f"{view.width}x{view.height} px" for view in views]),
+            ]
+        rows += [
             ("focal length x, y", [f"{K[0, 0]:.3f}, {K[1, 1]:.3f} px" for K in (camera.K for camera in cameras)]),
             ("principal point x, y", [f"{K[0, 2]:.3f}, {K[1, 2]:.3f} px" for K in (camera.K for camera in cameras)]),
         ]

@@ -40,14 +40,15 @@ def camera(fields: Fields, coefficients: str) -> Camera:
     else:
         D = np.array([*first, *D])
         model = lenses.model(fields.where, fields.name("camera_model"), name, D)
-    return Camera(model, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1]]), D)
+    return Camera(model, np.array([[fu, 0, pu], [0, fv, pv], [0, 0, 1]]), D, size=fields.size("resolution"))
 
 
 def roles(fields: Fields, number: str, coefficients: str) -> dict[str, tuple[str, str]]:
-    """Where `camera` finds K and D, for `Rig.fields`; ``number`` is "1" for the left camera, "2" for the right one."""
+    """Where `camera` finds size, K and D, for `Rig.fields`; ``number``: "1" for the left camera, "2" for the right."""
     own, counts = _PROJECTIONS[fields.get("camera_model")]
     holders = ["intrinsics"] * (own > 0) + [coefficients] * (max(counts) > 0)
     return {
+        "size" + number: (fields.where, fields.name("resolution")),
         "K" + number: (fields.where, fields.name("intrinsics")),
         "D" + number: (fields.where, fields.name(", ".join(holders))),
     }

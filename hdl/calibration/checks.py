@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from hdl.calibration import stance
 from hdl.calibration.rig import SIDES, Rig, unless_faulty
 from hdl.errors import InputError
 from hdl.lens import LENS_MODELS
@@ -79,10 +80,11 @@ def check(rig: Rig) -> Rig:
 
     A rectification that cannot be right is left out, and the error kept as ``rectification_fault``.
     """
-    image_size(*rig.fields.get("size", (rig.source, "size")), rig.width, rig.height)
     for number, side in enumerate(SIDES, start=1):
-        _check_matrix(rig, f"K{number}", rig.camera(side).K, principal_point_inside=True)
-        _check_lens(rig, f"D{number}", rig.camera(side))
+        camera = rig.camera(side)
+        image_size(*rig.spelling(f"size{number}"), *camera.size)
+        _check_matrix(rig, f"K{number}", camera.K, camera.size, principal_point_inside=True)
+        _check_lens(rig, f"D{number}", camera)
     _check_rotation(rig, "R", rig.R)
     _check_baseline(rig)
     if rig.rectification:
@@ -91,31 +93,27 @@ def check(rig: Rig) -> Rig:
     return rig
 
 
-def _pinhole_range(rig):
-    """Least and greatest focal length, px: views of 168 and of half a degree. Beyond lie focal lengths in mm or m."""
-    extent = max(rig.width, rig.height)
-    return extent / 20, extent * 100
-
-
-def _check_matrix(rig, role, K, principal_point_inside):
+def _check_matrix(rig, role, K, size, principal_point_inside):
     """Upper triangular, K[2][2] = 1, focal lengths and centre that fit the image."""
     _check_finite(rig, role, K)
     below = np.abs([K[1, 0], K[2, 0], K[2, 1]]).max()
     if abs(K[2, 2] - 1) > 1e-6 or below > 1e-6:
         raise rig.fault(role, K, "not of the form [fx s cx; 0 fy cy; 0 0 1]")
-    low, high = _pinhole_range(rig)
+    width, height = size
+    # Views of 168 and of half a degree. Beyond lie focal lengths in mm or m.
+    low, high = max(size) / 20, max(size) * 100
     for name, f in (("fx", K[0, 0]), ("fy", K[1, 1])):
         if f <= 0:
             raise rig.fault(role, f"{name} {f:g}", "singular or mirrored: a focal length must be positive")
         if not low <= f <= high:
-            raise rig.fault(role, f"{name} {f:g}", f"no focal length in px for {rig.width}x{rig.height} images")
+            raise rig.fault(role, f"{name} {f:g}", f"no focal length in px for {width}x{height} images")
     for name, c in (("skew", K[0, 1]), ("cx", K[0, 2]), ("cy", K[1, 2])):
         if abs(c) > high:
-            raise rig.fault(role, f"{name} {c:g}", f"far outside a {rig.width}x{rig.height} image")
+            raise rig.fault(role, f"{name} {c:g}", f"far outside a {width}x{height} image")
     if principal_point_inside:
-        for name, c, extent in (("cx", K[0, 2], rig.width), ("cy", K[1, 2], rig.height)):
+        for name, c, extent in (("cx", K[0, 2], width), ("cy", K[1, 2], height)):
             if not 0 <= c <= extent - 1:
-                problem = f"the principal point lies outside the {rig.width}x{rig.height} image: of another size?"
+                problem = f"the principal point lies outside the {width}x{height} image: of another size?"
                 raise rig.fault(role, f"{name} {c:g}", problem)
 
 
@@ -140,17 +138,15 @@ def _no_rotation(R):
 
 
 def _check_baseline(rig):
-    """One camera beside the other. On which side is a matter of suspicions: OpenCV rectifies both ways."""
+    """A length, and a way of standing that can be rectified. Who stands on which side is no fault: OpenCV rectifies
+    both ways."""
     T = rig.T
     _check_finite(rig, "T", T)
     if not T.any():
         raise rig.fault("T", T, "the two cameras are in one place; a stereo rig has a baseline")
     if not 1 / LONGEST < np.abs(T).max() < LONGEST:
         raise rig.fault("T", T, "no length of a baseline in any unit")
-    x, y, _ = half_rotation(rig.R) @ T
-    if abs(y) > abs(x):
-        problem = "one camera is above the other; turn the images and the calibration by 90 degrees"
-        raise rig.fault("T", T, problem)
+    stance.check(rig)
 
 
 def _check_rectification(rig):
@@ -158,26 +154,22 @@ def _check_rectification(rig):
         R, P = rig.rectification[side]
         _check_rotation(rig, f"R{number}", R)
         _check_finite(rig, f"P{number}", P)
-        _check_matrix(rig, f"P{number}", P[:, :3], principal_point_inside=False)
+        _check_matrix(rig, f"P{number}", P[:, :3], (rig.width, rig.height), principal_point_inside=False)
     (R1, P1), (R2, P2) = (rig.rectification[side] for side in SIDES)
-    if abs(P2[1, 3]) > abs(P2[0, 3]):
-        raise rig.fault("P2", P2[:, 3], "the rectification of cameras one above the other")
-    leads_right = (R2 @ rig.T)[0] < 0
-    if leads_right != (P2[0, 3] - P1[0, 3] < 0):
-        if not leads_right:
-            problem = "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
-            raise rig.fault("T", rig.T, problem)
-        raise rig.fault("P2", P2[0], "the baseline has the wrong sign for a camera on the right")
+    axis = stance.along(P2[:, 3] - P1[:, 3])
     turn = np.linalg.norm(cv2.Rodrigues(R2 @ rig.R @ R1.T)[0])
     baseline = R2 @ rig.T / np.linalg.norm(rig.T)
-    if turn > CONTRADICTION or np.hypot(baseline[1], baseline[2]) > CONTRADICTION:
-        problem = "does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along x"
+    if turn > CONTRADICTION or np.linalg.norm(np.delete(baseline, axis)) > CONTRADICTION:
+        problem = f"does not rectify these cameras: R2 R R1^T is not the identity, or R2 T not along {'xy'[axis]}"
         raise rig.fault("R2", R2, problem)
-
-
-def half_rotation(R: np.ndarray) -> np.ndarray:
-    """(3, 3): the rotation by half the angle of ``R``, backwards; it takes the right camera half way to the left."""
-    return cv2.Rodrigues(-0.5 * cv2.Rodrigues(R)[0])[0]
+    onwards = baseline[axis] < 0
+    if onwards != (P2[axis, 3] - P1[axis, 3] < 0):
+        if not onwards:
+            problem = "leads from the right camera to the left one, but P2 the other way; give R^T and -R^T T"
+            raise rig.fault("T", rig.T, problem)
+        raise rig.fault(
+            "P2", P2[axis], f"the baseline has the wrong sign for a camera {('on the right', 'below')[axis]}"
+        )
 
 
 def _check_finite(rig, role, values):

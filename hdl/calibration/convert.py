@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from hdl import files
-from hdl.calibration.rig import Rig
+from hdl.calibration.rig import STRETCH, Rig, stretch
 from hdl.errors import InputError
 from hdl.lens import polynomial
 
@@ -28,8 +28,14 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
     Raises
     ------
     InputError
-        For a rig whose two cameras have lenses of different kinds, which such a file has no field for.
+        For a rig whose two cameras have images of different sizes or lenses of different kinds, for which such a file
+        has no fields.
     """
+    if len(rig.sizes) > 1:
+        problem = "OpenCV's format holds one size for both cameras"
+        if stretch(rig.left.size, rig.right.size) <= STRETCH:
+            problem += f"; --size {rig.width}x{rig.height} makes them one"
+        raise InputError(*rig.spelling("size2"), "{}x{}".format(*rig.right.size), problem)
     kinds = {"polynomial" if model in polynomial.NAMES else model for model in (rig.left.model, rig.right.model)}
     if len(kinds) > 1:
         models = f"{rig.left.model}, {rig.right.model}"

@@ -36,28 +36,23 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: str | None) -> Rig:
     """The rig of two sockets in one document: those of ``select``, otherwise those of stereoRectificationData.
 
-    Raises InputError for a missing field, images of two sizes, and sockets without a chain of extrinsics between them.
+    Raises InputError for a missing field, and sockets without a chain of extrinsics between them.
     """
     (document,) = documents
     fields = Fields(document.name, document.json)
     cameras = _cameras(fields)
     left, right = pair(select, list(cameras), _ALIASES) if select is not None else _stereo_pair(fields, cameras)
-    size, other = (_size(cameras[socket]) for socket in (left, right))
-    if size != other:
-        found = f"{other[0]}x{other[1]}"
-        problem = f"not the size of socket {left}, {size[0]}x{size[1]}; both cameras of a pair must have one"
-        raise cameras[right].fault("width, height", found, problem)
     R, T = _motion(cameras, left, right)
-    roles = {"size": (document.name, cameras[left].name("width, height"))}
+    roles = {}
     for number, socket in (("1", left), ("2", right)):
         roles["camera" + number] = document.name, f"socket {socket}"
+        roles["size" + number] = document.name, cameras[socket].name("width, height")
         roles["K" + number] = document.name, cameras[socket].name("intrinsicMatrix")
         roles["D" + number] = document.name, cameras[socket].name("distortionCoeff")
     roles["R"] = document.name, cameras[left].name("extrinsics.rotationMatrix")
     roles["T"] = document.name, cameras[left].name("extrinsics.translation")
-    return Rig(
-        document.name, *size, _camera(cameras[left]), _camera(cameras[right]), R, T / 100, unit="m", fields=roles
-    )
+    left_camera, right_camera = _camera(cameras[left]), _camera(cameras[right])
+    return Rig(document.name, *left_camera.size, left_camera, right_camera, R, T / 100, unit="m", fields=roles)
 
 
 def _cameras(fields):
@@ -85,10 +80,6 @@ def _stereo_pair(fields, cameras):
     return sockets
 
 
-def _size(camera):
-    return tuple(checks.whole(camera.where, camera.name(key), camera.get(key)) for key in ("width", "height"))
-
-
 def _camera(fields):
     kind = fields.get("cameraType")
     if checks.is_number(kind) and kind in _UNSUPPORTED:
@@ -101,7 +92,8 @@ def _camera(fields):
             raise fields.fault("distortionCoeff", D.tolist(), "a fisheye lens has four coefficients that are not zero")
         D = D[:4]
     model = lenses.model(fields.where, fields.name("cameraType"), _MODELS[kind], D)
-    return Camera(model, fields.matrix("intrinsicMatrix", 3, 3), D)
+    size = tuple(checks.whole(fields.where, fields.name(key), fields.get(key)) for key in ("width", "height"))
+    return Camera(model, fields.matrix("intrinsicMatrix", 3, 3), D, size=size)
 
 
 def _motion(cameras, left, right):

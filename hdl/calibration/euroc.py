@@ -30,21 +30,16 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
     """The rig in two ``documents``, in any order.
 
-    Raises InputError for a missing field, a wrong shape, different sizes, and lenses that are not known.
+    Raises InputError for a missing field, a wrong shape, and lenses that are not known.
     """
     source = ", ".join(document.name for document in documents)
     if len(documents) != 2:
         raise InputError(source, None, None, "two sensor.yaml files are needed, one of each camera")
     told, named = sides.by_name(*(document.name for document in documents)) or (0, False)
     first, second = (Fields(document.name, document.yaml) for document in (documents[told], documents[1 - told]))
-    (width, height), other = first.size("resolution"), second.size("resolution")
-    if (width, height) != other:
-        raise second.fault("resolution", list(other), f"not that in {first.where}, {[width, height]}")
     R, T = motion.between(*(motion.inverse(fields.transform("T_BS")) for fields in (first, second)))
-    cameras = [asl.camera(fields, _COEFFICIENTS) for fields in (first, second)]
-    roles = {"size": (first.where, "resolution")}
-    for number, fields in (("1", first), ("2", second)):
-        roles |= asl.roles(fields, number, _COEFFICIENTS)
+    left, right = (asl.camera(fields, _COEFFICIENTS) for fields in (first, second))
+    roles = asl.roles(first, "1", _COEFFICIENTS) | asl.roles(second, "2", _COEFFICIENTS)
     roles |= dict.fromkeys("RT", (second.where, "T_BS"))
-    rig = Rig(source, width, height, *cameras, R, T, unit="m", fields=roles)
+    rig = Rig(source, *left.size, left, right, R, T, unit="m", fields=roles)
     return rig if named else left_first(rig)

@@ -43,24 +43,16 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     if len(cameras) < 2:
         raise InputError(document.name, None, None, "two cameras are needed, cam0 and cam1")
     left, right = pair(select, cameras) if select is not None else cameras[:2]
-    width, height = _size(chain, left, right)
     left_camera, right_camera = (asl.camera(chain.child(name), _COEFFICIENTS) for name in (left, right))
     (R, T), spelling = _motion(chain, cameras, left, right)
-    fields = {"size": (document.name, f"{left}.resolution")}
+    fields = {}
     for number, name in (("1", left), ("2", right)):
         fields["camera" + number] = document.name, name
         fields |= asl.roles(chain.child(name), number, _COEFFICIENTS)
     fields |= dict.fromkeys("RT", (document.name, spelling))
-    rig = Rig(document.name, width, height, left_camera, right_camera, R, T, unit="m", fields=fields)
+    rig = Rig(document.name, *left_camera.size, left_camera, right_camera, R, T, unit="m", fields=fields)
     rig = _warned_of_contradiction(rig, chain, left, right, spelling)
     return rig if select is not None else left_first(rig)
-
-
-def _size(chain, left, right):
-    size, other = (chain.child(name).size("resolution") for name in (left, right))
-    if size != other:
-        raise chain.fault(f"{right}.resolution", list(other), f"not that of {left}, {list(size)}")
-    return size
 
 
 def _motion(chain, cameras, left, right):

@@ -38,22 +38,20 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: str | 
     if len(cameras) < 2:
         raise InputError(document.name, None, None, "two cameras are needed, K_00 and K_01")
     left, right = pair(select, cameras) if select is not None else cameras[:2]
-    size, other = (fields.size(f"S_{name}") for name in (left, right))
-    if size != other:
-        raise fields.fault(f"S_{right}", list(other), f"not S_{left}, {list(size)}")
+    left_camera, right_camera = _camera(fields, left), _camera(fields, right)
     R, T = motion.between(_from_first(fields, left), _from_first(fields, right))
-    roles = {role: (document.name, f"{role}_{right}") for role in "RT"} | {"size": (document.name, f"S_{left}")}
+    roles = {role: (document.name, f"{role}_{right}") for role in "RT"}
     for number, name in (("1", left), ("2", right)):
         roles["camera" + number] = document.name, f"camera {name}"
-        for role, field in (("K", "K"), ("D", "D"), ("R", "R_rect"), ("P", "P_rect")):
+        for role, field in (("size", "S"), ("K", "K"), ("D", "D"), ("R", "R_rect"), ("P", "P_rect")):
             roles[role + number] = document.name, f"{field}_{name}"
     rectification, fault = unless_faulty(lambda: _rectification(fields, left, right))
     rig = Rig(
         source=document.name,
-        width=size[0],
-        height=size[1],
-        left=_camera(fields, left),
-        right=_camera(fields, right),
+        width=left_camera.size[0],
+        height=left_camera.size[1],
+        left=left_camera,
+        right=right_camera,
         R=R,
         T=T,
         unit="m",
@@ -81,7 +79,7 @@ def _lines(document):
 
 def _camera(fields, name):
     D = fields.vector(f"D_{name}", (5,))
-    return Camera(polynomial_model(D), fields.matrix(f"K_{name}", 3, 3), D)
+    return Camera(polynomial_model(D), fields.matrix(f"K_{name}", 3, 3), D, size=fields.size(f"S_{name}"))
 
 
 def _from_first(fields, name):
@@ -106,4 +104,4 @@ def _warned_of_cut(rig, fields, name):
         f"KITTI's rectified images are the upper left corner, of this size, of the {rig.width}x{rig.height} here; "
         "with --alpha 0 the rectification is another one, which fills the frame"
     )
-    return rig.warned_as(fields.fault(key, "x".join(map(str, cut)), problem))
+    return rig.warned_as(fields.fault(key, "x".join(map(str, cut)), problem), of="rectification")

@@ -45,21 +45,19 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
         raise whole.fault(_STRUCT, None, problem)
     fields = whole.child(holder) if holder else whole
     first, second = (fields.child(f"CameraParameters{number}") for number in (1, 2))
-    stated, other = (_size(camera, size) for camera in (first, second))
-    if stated != other:
-        raise second.fault("ImageSize", f"{other[0]}x{other[1]}", f"not that of camera 1, {stated[0]}x{stated[1]}")
+    left, right = (_camera(camera, size) for camera in (first, second))
     where = document.name
     R = checks.rotation(where, fields.name("RotationOfCamera2"), fields.matrix("RotationOfCamera2", 3, 3)).T
     T = checks.position(where, fields.name("TranslationOfCamera2"), fields.matrix("TranslationOfCamera2", 3))
     unit = first.get("WorldUnits") if "WorldUnits" in first else "mm"
     scale = UNITS.get(unit.strip().lower()) if isinstance(unit, str) else None
-    roles = {"size": (where, first.name("ImageSize")), "R": (where, fields.name("RotationOfCamera2"))}
-    roles["T"] = where, fields.name("TranslationOfCamera2")
+    roles = {role: (where, fields.name(f"{name}OfCamera2")) for role, name in (("R", "Rotation"), ("T", "Translation"))}
     for number, camera in (("1", first), ("2", second)):
         roles["camera" + number] = where, camera.prefix
+        roles["size" + number] = where, camera.name("ImageSize")
         roles["K" + number] = where, camera.name(_matrix_name(camera))
         roles["D" + number] = where, camera.name("RadialDistortion")
-    rig = Rig(where, *stated, _camera(first), _camera(second), R, T * (scale or 1), unit=scale and "m", fields=roles)
+    rig = Rig(where, *left.size, left, right, R, T * (scale or 1), unit=scale and "m", fields=roles)
     if scale is None:
         rig = rig.warned_as(first.fault("WorldUnits", unit, f"not one of {', '.join(UNITS)}; lengths are left as is"))
     return rig
@@ -86,11 +84,11 @@ def _matrix_name(camera):
     return "IntrinsicMatrix" if "IntrinsicMatrix" in camera else "K"
 
 
-def _camera(fields):
+def _camera(fields, size):
     name = _matrix_name(fields)
     K = fields.matrix(name, 3, 3)
     K = K.T.copy() if name == "IntrinsicMatrix" else K
     K[:2, 2] -= 1
     radial, tangential = fields.vector("RadialDistortion", (2, 3)), fields.matrix("TangentialDistortion", 2)
     D = np.concatenate([radial[:2], tangential, radial[2:]])
-    return Camera(polynomial_model(D), K, D)
+    return Camera(polynomial_model(D), K, D, size=_size(fields, size))

@@ -1,7 +1,7 @@
 """Cameras of which a file says how each stands on a body, such as the IMU: two of them as a rig."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hdl.calibration import motion
 from hdl.calibration.rig import Camera, Rig
@@ -41,19 +41,13 @@ class Mounted:
 
 
 def rig(source: str, left: Mounted, right: Mounted) -> Rig:
-    """The rig of two cameras, called left and right as they are given.
-
-    Raises InputError if their images are of two sizes.
-    """
-    if left.size != right.size:
-        width, height = right.size
-        problem = f"not that of {left.place('camera')[1]}, {left.size[0]}x{left.size[1]}"
-        raise InputError(*right.place("size"), f"{width}x{height}", problem)
-    fields = {"size": left.place("size")} | dict.fromkeys("RT", right.place("pose"))
+    """The rig of two cameras, called left and right as they are given."""
+    fields = dict.fromkeys("RT", right.place("pose"))
     for number, mounted in (("1", left), ("2", right)):
-        fields |= {role + number: mounted.place(role) for role in ("camera", "K", "D")}
+        fields |= {role + number: mounted.place(role) for role in ("camera", "size", "K", "D")}
     R, T = motion.between(motion.inverse(left.to_body), motion.inverse(right.to_body))
-    return Rig(source, *left.size, left.camera, right.camera, R, T, unit="m", fields=fields)
+    cameras = (replace(mounted.camera, size=mounted.size) for mounted in (left, right))
+    return Rig(source, *left.size, *cameras, R, T, unit="m", fields=fields)
 
 
 def numbered(source: str, first: Mounted, second: Mounted) -> Rig:

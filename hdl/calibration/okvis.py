@@ -31,7 +31,7 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: str | None) -> Rig:
     """The rig of two cameras in one document: those of ``select``, otherwise 0 and 1, the left one being called left.
 
-    Raises InputError for a missing field, a lens that is not known, and images of two sizes.
+    Raises InputError for a missing field and a lens that is not known.
     """
     (document,) = documents
     cameras = Fields(document.name, document.yaml).children("cameras")

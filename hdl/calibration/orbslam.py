@@ -30,31 +30,24 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     fields = Fields(document.name, document.yaml)
     if "Camera.type" in fields and fields.get("Camera.type") != "PinHole":
         raise fields.fault("Camera.type", fields.get("Camera.type"), "LEFT and RIGHT are understood for PinHole only")
-    size, other = (_size(fields, side) for side in ("LEFT", "RIGHT"))
-    if size != other:
-        raise fields.fault("RIGHT.width, RIGHT.height", list(other), f"not that of LEFT, {list(size)}")
+    left, right = (_camera(fields, side) for side in ("LEFT", "RIGHT"))
     rectification = {}
     for side in ("LEFT", "RIGHT"):
         R = checks.rotation(document.name, f"{side}.R", fields.matrix(f"{side}.R", 3, 3))
         P = motion.projection(document.name, f"{side}.P", fields.matrix(f"{side}.P", 3, 4, finite=False))
         rectification[side.lower()] = R, P
     R, T = motion.of_rectification(*rectification["left"], *rectification["right"])
-    roles = {"size": (document.name, "LEFT.width, LEFT.height")}
+    roles = {}
     for number, side in (("1", "LEFT"), ("2", "RIGHT")):
         roles["camera" + number] = document.name, side
+        roles["size" + number] = document.name, f"{side}.width, {side}.height"
         roles |= {role + number: (document.name, f"{side}.{role}") for role in "KDRP"}
     roles |= {"R": (document.name, "RIGHT.R"), "T": (document.name, "RIGHT.P")}
-    return Rig(
-        document.name, *size, _camera(fields, "LEFT"), _camera(fields, "RIGHT"), R, T,
-        rectification=rectification, fields=roles,
-    )  # fmt: skip
-
-
-def _size(fields, side):
-    names = f"{side}.width", f"{side}.height"
-    return tuple(checks.whole(fields.where, name, fields.get(name)) for name in names)
+    return Rig(document.name, *left.size, left, right, R, T, rectification=rectification, fields=roles)
 
 
 def _camera(fields, side):
+    names = f"{side}.width", f"{side}.height"
+    size = tuple(checks.whole(fields.where, name, fields.get(name)) for name in names)
     D = fields.vector(f"{side}.D", POLYNOMIAL_COUNTS)
-    return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D)
+    return Camera(polynomial_model(D), fields.matrix(f"{side}.K", 3, 3), D, size=size)

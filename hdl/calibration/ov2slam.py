@@ -28,7 +28,7 @@ def recognises(document: Document) -> bool:
 
 
 def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
-    """The rig in one document. Raises InputError for a missing field, an unknown model, and images of two sizes."""
+    """The rig in one document. Raises InputError for a missing field and an unknown model."""
     (document,) = documents
     fields = Fields(document.name, document.yaml)
     return mounted.rig(document.name, _mounted(fields, "left", 0), _mounted(fields, "right", 1))

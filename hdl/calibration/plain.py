@@ -65,11 +65,11 @@ def read(documents: list[Document], size: tuple[int, int] | None, select: None) 
     Raises InputError for a matrix that is missing, given twice with different values, or not of its shape.
     """
     storage = _Storage(documents)
-    cameras = [storage.camera(number) for number in "12"]
+    cameras = [replace(storage.camera(number), size=storage.size(number, size)) for number in "12"]
     R, (T, unit) = storage.rotation("R"), storage.translation()
     rectification, fault = unless_faulty(storage.rectification)
     rig = Rig(
-        storage.source, *storage.size(size), *cameras, R, T,
+        storage.source, *cameras[0].size, *cameras, R, T,
         unit=unit, rectification=rectification, rectification_fault=fault, fields=storage.fields,
     )  # fmt: skip
     for warning in storage.warnings:
@@ -174,16 +174,18 @@ class _Storage(matrices.Entries):
         self.fields |= {f"R{n}": self.fields.pop(f"R_rect{n}") for n in "12"}
         return pairs
 
-    def size(self, default):
-        """(width, height) in px: from the files, otherwise ``default``."""
-        stated = [size for number in ("", "1", "2") for size in self._sizes(number)]
+    def size(self, number, default):
+        """(width, height) in px of the left camera's images by "1", the right one's by "2": from the files, where need
+        be from what they say of the other camera, otherwise ``default``."""
+        stated = [size for which in ("", number) for size in self._sizes(which)]
+        stated = stated or list(self._sizes({"1": "2", "2": "1"}[number]))
         for (where, name), size in stated[1:]:
             (other, its), first = stated[0]
             if size != first:
                 problem = f"not the {its} in {other}, {first[0]}x{first[1]}"
                 raise InputError(where, name, "x".join(map(str, size)), problem)
         if stated:
-            self.fields["size"] = stated[0][0]
+            self.fields["size" + number] = stated[0][0]
             return stated[0][1]
         if default is None:
             problem = "missing: the calibration does not state the size of its images; give it with --size"

@@ -11,6 +11,8 @@ from hdl.lens import LENS_MODELS
 
 SIDES = ("left", "right")
 
+STRETCH = 0.01  # that frames of one shape may differ by; their sizes are whole numbers
+
 
 @dataclass(frozen=True, eq=False)
 class Camera:
@@ -26,6 +28,8 @@ class Camera:
     D : (n,) float64
         Lens coefficients in the order of the model; for the first four in OpenCV's, as many as the file has: n = 0, 4,
         5, 8, 12 or 14.
+    size : (width, height) or None
+        Of its images, px, to which K belongs. A `Rig` gives its own to a camera that states none.
     named : bool
         Whether the file, or its format, says which lens it is; otherwise see `hdl.calibration.unnamed_lens`.
     """
@@ -33,6 +37,7 @@ class Camera:
     model: str
     K: np.ndarray
     D: np.ndarray
+    size: tuple[int, int] = None  # type: ignore[assignment]  # until it is a Rig's
     named: bool = True
 
     @property
@@ -40,6 +45,21 @@ class Camera:
         """(3, 3) float64: K of the camera without its lens, which shows the same next to the optical axis."""
         magnification = LENS_MODELS[self.model].magnification(self.D)
         return self.K @ np.diag([magnification, magnification, 1.0])
+
+    def scaled(self, size: tuple[int, int]) -> "Camera":
+        """The same camera, which states its size, with its images resampled to ``size`` px."""
+        return self if size == self.size else replace(self, K=resampling(self.size, size) @ self.K, size=size)
+
+
+def stretch(old: tuple[int, int], new: tuple[int, int]) -> float:
+    """By what share an image of size ``old`` is stretched along one axis, against the other, to become ``new``."""
+    return abs(new[0] * old[1] / (new[1] * old[0]) - 1)
+
+
+def resampling(old: tuple[int, int], new: tuple[int, int]) -> np.ndarray:
+    """(3, 3): from px of an image of size ``old`` to px of the same one of size ``new``, pixel centres at integers."""
+    sx, sy = (after / before for before, after in zip(old, new))
+    return np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +71,9 @@ class Rig:
     source : str
         The file, for messages. Several files are joined by ", ".
     width, height : int
-        Size of both source images, px.
+        Size of the rectified images, px: the left camera's, and the right one's too for the most part.
     left, right : Camera
+        Each with the size of its own images.
     R : (3, 3) float64
     T : (3,) float64
         In ``unit``, which is None where the format does not fix one.
@@ -62,11 +83,14 @@ class Rig:
         Why there is none though the file carries one. `hdl.geometry.rectify` raises it where the file's own is wanted,
         so that a fault in what an option leaves unused refuses nothing.
     fields : mapping of role to (file, field)
-        How the file spells "size", "K1", "D1", "K2", "D2", "R", "T", "R1", "R2", "P1" and "P2", and "model1", "model2"
-        where it should name the lens and does not; and what it calls the whole cameras, "camera1" and "camera2", which
-        are those of K1 and K2 where they are not given. For messages, and for :attr:`origins`.
+        How the file spells "size1", "K1", "D1", "R1", "P1", those of the right camera, with 2, "R" and "T"; "size"
+        stands for both sizes; "model1", "model2" where it should name the lens and does not; and what it calls the
+        whole cameras, "camera1" and "camera2", which are those of K1 and K2 where they are not given. For messages, and
+        for :attr:`origins`.
     warnings : tuple of str
         What looks wrong and yet can be used: each one line, "FILE: FIELD = VALUE: PROBLEM".
+    rectification_warnings : tuple of str
+        Likewise, of the rectification that the file carries: of no interest where another one is chosen.
     notes : tuple of str
         What was decided for the user without being wrong: each one line.
     format : str or None
@@ -85,8 +109,14 @@ class Rig:
     rectification_fault: InputError | None = None
     fields: Mapping[str, tuple[str, str | None]] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
+    rectification_warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     format: str | None = None
+
+    def __post_init__(self) -> None:
+        for side in SIDES:
+            if self.camera(side).size is None:
+                object.__setattr__(self, side, replace(self.camera(side), size=(self.width, self.height)))
 
     def camera(self, side: str) -> Camera:
         return {"left": self.left, "right": self.right}[side]
@@ -107,31 +137,38 @@ class Rig:
             for side, entry, file in zip(SIDES, (entry, its), files)
         }
 
+    @property
+    def sizes(self) -> set[tuple[int, int]]:
+        """(width, height), px, of the rectified images and of both cameras': one for the most part."""
+        return {(self.width, self.height), self.left.size, self.right.size}
+
     def scaled(self, width: int, height: int) -> "Rig":
-        """The same rig with its images resampled to ``width`` x ``height`` px.
+        """The same rig with all its images, sources and rectified ones, resampled to ``width`` x ``height`` px.
 
         Pixel centres lie at integers, so that c' = (c + 0.5)*s - 0.5 and f' = f*s on each axis; the skew scales as
         u does. D, R and T do not depend on the size.
         """
-        if (width, height) == (self.width, self.height):
+        size = width, height
+        if self.sizes == {size}:
             return self
-        sx, sy = width / self.width, height / self.height
-        scale = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]])
-        rectification = self.rectification and {side: (R, scale @ P) for side, (R, P) in self.rectification.items()}
+        scale = resampling((self.width, self.height), size)
         return replace(
             self,
             width=width,
             height=height,
-            left=replace(self.left, K=scale @ self.left.K),
-            right=replace(self.right, K=scale @ self.right.K),
-            rectification=rectification,
+            left=self.left.scaled(size),
+            right=self.right.scaled(size),
+            rectification=self.rectification and {side: (R, scale @ P) for side, (R, P) in self.rectification.items()},
         )
 
     def exchanged(self) -> "Rig":
         """The same rig with the right camera called left and the left one right."""
         other = str.maketrans("12", "21")
+        width, height = self.right.size
         return replace(
             self,
+            width=width,
+            height=height,
             left=self.right,
             right=self.left,
             R=self.R.T,
@@ -140,17 +177,25 @@ class Rig:
             fields={role.translate(other): spelling for role, spelling in self.fields.items()},
         )
 
-    def warned(self, role: str, value: object, problem: str) -> "Rig":
-        """The same rig with one more warning, worded as :meth:`fault` words an error."""
-        return self.warned_as(self.fault(role, value, problem))
+    def warned(self, role: str, value: object, problem: str, *, of: str = "rig") -> "Rig":
+        """The same rig with one more warning, worded as :meth:`fault` words an error; of the "rig" or its
+        "rectification"."""
+        return self.warned_as(self.fault(role, value, problem), of=of)
 
-    def warned_as(self, error: InputError) -> "Rig":
+    def warned_as(self, error: InputError, *, of: str = "rig") -> "Rig":
         """The same rig with the text of ``error``, which is not raised, as one more warning."""
+        if of == "rectification":
+            return replace(self, rectification_warnings=(*self.rectification_warnings, str(error)))
         return replace(self, warnings=(*self.warnings, str(error)))
+
+    def spelling(self, role: str) -> tuple[str, str | None]:
+        """(file, field) of the field in ``role``."""
+        either = self.fields.get("size") if role.startswith("size") else None
+        return self.fields.get(role) or either or (self.source, role)
 
     def fault(self, role: str, value: object, problem: str) -> InputError:
         """The error for what is wrong with the field in ``role``, in the file's own spelling."""
-        where, name = self.fields.get(role, (self.source, role))
+        where, name = self.spelling(role)
         return InputError(where, name, value.tolist() if isinstance(value, np.ndarray) else value, problem)
 
 

@@ -8,6 +8,7 @@ Source: camera_calibration_parsers (parse_yml) and sensor_msgs/CameraInfo.
 """
 
 import re
+from dataclasses import replace
 
 from hdl.calibration import checks, lenses, motion, unnamed_lens
 from hdl.calibration.documents import Document
@@ -35,7 +36,7 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
     """The rig in two ``documents``, in any order.
 
-    Raises InputError for a missing field, a wrong shape, different sizes, and cameras calibrated one by one.
+    Raises InputError for a missing field, a wrong shape, and cameras calibrated one by one.
     """
     source = ", ".join(document.name for document in documents)
     if len(documents) != 2:
@@ -49,9 +50,6 @@ def pair(source: str, infos: list["Info"]) -> Rig:
     if not (left.P[:2, 3].any() or right.P[:2, 3].any()):
         problem = "no baseline in either file: the cameras were calibrated one by one; calibrate them as a pair"
         raise right.fault("P", right.P.tolist(), problem)
-    if left.size != right.size:
-        problem = f"not the size in {left.called}"
-        raise right.fault("size", "x".join(map(str, right.size)), problem)
     R, T = motion.of_rectification(left.R, left.P, right.R, right.P)
     rig = Rig(
         source=source,
@@ -64,7 +62,6 @@ def pair(source: str, infos: list["Info"]) -> Rig:
         unit="m",
         rectification={"left": (left.R, left.P), "right": (right.R, right.P)},
         fields={
-            "size": left.place("size"),
             **left.roles("1"),
             **right.roles("2"),
             "R": right.place("R"),
@@ -95,10 +92,9 @@ class Info:
     def __init__(self, fields: Fields, spelled: dict = SPELLED, name: tuple | None = None):
         self.fields, self.spelled, self.where = fields, spelled, fields.where
         self.name = ("camera_name", fields.get("camera_name")) if "camera_name" in fields else name
-        self.called = " of ".join(part for part in (fields.prefix, fields.where) if part)
         size = (checks.whole(self.where, fields.name(key), fields.get(key)) for key in spelled["size"])
         self.size = checks.image_size(*self.place("size"), *size)
-        self.camera = self._camera(fields.matrix(spelled["K"], 3, 3))
+        self.camera = replace(self._camera(fields.matrix(spelled["K"], 3, 3)), size=self.size)
         self.R = checks.rotation(*self.place("R"), fields.matrix(spelled["R"], 3, 3))
         self.P = motion.projection(*self.place("P"), fields.matrix(spelled["P"], 3, 4, finite=False))
 
@@ -119,7 +115,7 @@ class Info:
 
     def roles(self, number: str) -> dict[str, tuple[str, str | None]]:
         """For `Rig.fields`."""
-        places: dict[str, tuple[str, str | None]] = {role + number: self.place(role) for role in "KDRP"}
+        places: dict[str, tuple[str, str | None]] = {role + number: self.place(role) for role in ("size", *"KDRP")}
         places["camera" + number] = self.where, self.fields.prefix or None
         if not self.camera.named and self.spelled["lens"]:
             places["model" + number] = self.where, self.fields.name(self.spelled["lens"][0])

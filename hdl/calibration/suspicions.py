@@ -5,8 +5,10 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from hdl.calibration.checks import half_rotation, nearest_rotation
+from hdl.calibration import stance
+from hdl.calibration.checks import nearest_rotation
 from hdl.calibration.rig import SIDES, Rig
+from hdl.errors import InputError
 from hdl.lens import LENS_MODELS
 
 FARTHEST_CENTRE = 1 / 16  # of the image size; the rigs at hand reach 1/21
@@ -38,7 +40,8 @@ def settled(rig: Rig) -> Rig:
 
 
 def row_difference(rig: Rig, rectification=None) -> float:
-    """How far the rows of one point differ in the rectified views, px, at most.
+    """How far the rows of one point differ in the rectified views, px, at most; of cameras that are rectified as one
+    above the other, the columns.
 
     Over points seen at 9x9 places of the left view, from 10 baselines to infinity.
 
@@ -48,82 +51,96 @@ def row_difference(rig: Rig, rectification=None) -> float:
         That of the rig itself where it is not given.
     """
     (R1, P1), (R2, P2) = (rectification or rig.rectification).values()
+    across = 1 - stance.along(P2[:, 3] - P1[:, 3])
     x, y = np.meshgrid(np.linspace(0, rig.width - 1, 9), np.linspace(0, rig.height - 1, 9))
     rays = np.linalg.inv(P1[:, :3] @ R1) @ [x.ravel(), y.ravel(), np.ones(x.size)]
     farthest = 0.0
     for depth in (_NEAREST, 10 * _NEAREST, 1e9):
         points = depth * np.linalg.norm(rig.T) * rays
         seen = P2[:, :3] @ R2 @ (rig.R @ points + rig.T[:, None])
-        farthest = max(farthest, np.abs(seen[1] / seen[2] - y.ravel()).max())
+        farthest = max(farthest, np.abs(seen[across] / seen[2] - (x, y)[across].ravel()).max())
     return float(farthest)
 
 
 def _with_rectification(rig):
     rig = _baseline_of_projection(rig)
     (R1, P1), (R2, P2) = rig.rectification.values()
-    rows = row_difference(rig)
-    apart = np.abs(P1 - P2)[[0, 1, 1], [0, 1, 2]].max() > PROJECTIONS_APART
+    rows, axis = row_difference(rig), stance.along(P2[:, 3] - P1[:, 3])
+    lines = stance.ALIGNED[axis]
+    apart = np.abs(P1 - P2)[[0, 1, 1 - axis], [0, 1, 2]].max() > PROJECTIONS_APART
     if apart or not rows <= ROWS_WRONG:
         culprit, names, why = ("R2", R2), "R1 and R2", "they are not of these cameras"
         if apart:
             culprit, names, why = ("P2", P2[:, :3]), "P1 and P2", "each is of its own camera"
         elif row_difference(replace(rig, R=rig.R.T)) <= ROWS_EXACT:
             why = "they belong to the transpose of R"
-        problem = f"{names} are not used: rows would differ by {rows:.1f} px, as {why}; rectified anew from R and T"
+        problem = f"{names} are not used: {lines} would differ by {rows:.1f} px, as {why}; rectified anew from R and T"
         rig = rig.warned(*culprit, problem)
         return replace(rig, rectification=None, R=nearest_rotation(rig.R))
     if rows > ROWS_EXACT:
-        problem = f"rows of the rectification in the file differ by up to {rows:.2f} px, {_NEAREST} baselines away"
-        return rig.warned("P2", P2, problem)
+        problem = f"{lines} of the rectification in the file differ by up to {rows:.2f} px, {_NEAREST} baselines away"
+        return rig.warned("P2", P2, problem, of="rectification")
     if rows < ROWS_EQUAL:
         return rig
     R = np.linalg.inv(R2) @ R1
     if np.abs(R - rig.R).max() > DIGITS:
         angle = np.degrees(np.linalg.norm(cv2.Rodrigues(R2 @ rig.R @ R1.T)[0]))
-        return rig.warned("R2", R2, f"R1 and R2 leave the cameras turned by {angle:.2g} degrees: disparities are off")
+        problem = f"R1 and R2 leave the cameras turned by {angle:.2g} degrees: disparities are off"
+        return rig.warned("R2", R2, problem, of="rectification")
     return replace(rig, R=R)
 
 
 def _baseline_of_projection(rig):
     (_, P1), (R2, P2) = rig.rectification.values()
-    stated = (P2[0, 3] - P1[0, 3]) / P2[0, 0]
-    given = (R2 @ rig.T)[0]
+    axis = stance.along(P2[:, 3] - P1[:, 3])
+    stated = (P2[axis, 3] - P1[axis, 3]) / P2[axis, axis]
+    given = (R2 @ rig.T)[axis]
     if abs(stated - given) > BASELINE_DIFFERENCE * abs(given):
-        return rig.warned("P2", P2[0], f"its baseline, {stated:.6g}, is not that of T, {given:.6g}")
+        problem = f"its baseline, {stated:.6g}, is not that of T, {given:.6g}"
+        return rig.warned("P2", P2[axis], problem, of="rectification")
     return rig
 
 
 def left_first(rig: Rig) -> Rig:
     """``rig``, or the same with its cameras exchanged, which is noted: for files that number cameras without naming
-    their sides."""
-    if _left_is_left(rig):
+    their sides. Of two cameras one above the other, the upper one is called left."""
+    if stance.left_is_left(rig):
         return rig
     rig = rig.exchanged()
     left, right = (rig.origins[side] for side in SIDES)
-    note = f"{rig.source}: as the cameras stand, the left one is {left}, the right one {right}"
+    place = ("left one", "upper one, called left,")[stance.along(stance.baseline(rig))]
+    note = f"{rig.source}: as the cameras stand, the {place} is {left}, the right one {right}"
     return replace(rig, notes=(*rig.notes, note))
 
 
-def _left_is_left(rig):
-    return (half_rotation(rig.R) @ rig.T)[0] <= 0
+def sides(rig: Rig) -> InputError | None:
+    """What is to be said where the left camera stands right of the right one, or below it; not raised."""
+    if stance.left_is_left(rig):
+        return None
+    place, axis = (("on the right", "x"), ("the lower one", "y"))[stance.along(stance.baseline(rig))]
+    problem = (
+        f"the camera called left is {place} (x_right = R x_left + T with T.{axis} > 0), so disparities are negative; "
+        "are the cameras exchanged, or do R and T lead from right to left?"
+    )
+    return rig.fault("T", rig.T, problem)
 
 
 def _sides(rig):
-    if _left_is_left(rig):
-        return rig
-    problem = (
-        "the camera called left is on the right (x_right = R x_left + T with T.x > 0), so disparities are negative; "
-        "are the cameras exchanged, or do R and T lead from right to left?"
-    )
-    return rig.warned("T", rig.T, problem)
+    if rig.rectification:
+        (_, P1), (_, P2) = rig.rectification.values()
+        shift = P2[:, 3] - P1[:, 3]
+        if shift[stance.along(shift)] < 0:
+            return rig  # it makes disparities positive by turning the images
+    said = sides(rig)
+    return rig.warned_as(said) if said else rig
 
 
 def _centres(rig):
     for number, side in enumerate(SIDES, start=1):
-        K = rig.camera(side).K
-        for name, c, extent in (("cx", K[0, 2], rig.width), ("cy", K[1, 2], rig.height)):
+        K, (width, height) = rig.camera(side).K, rig.camera(side).size
+        for name, c, extent in (("cx", K[0, 2], width), ("cy", K[1, 2], height)):
             if abs(c - (extent - 1) / 2) > FARTHEST_CENTRE * extent:
-                problem = f"far from the middle of a {rig.width}x{rig.height} image: calibrated at another size?"
+                problem = f"far from the middle of a {width}x{height} image: calibrated at another size?"
                 rig = rig.warned(f"K{number}", f"{name} {c:.6g}", problem)
     return rig
 

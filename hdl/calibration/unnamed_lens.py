@@ -106,10 +106,9 @@ def _guess(rig, doubtful):
     for side in set(SIDES) - set(doubtful):
         model = "equidistant" if rig.camera(side).model == "equidistant" else "radtan"
         return model, f"the lens of the {side} camera is one"
+    cameras = rig.left, rig.right
     with np.errstate(all="ignore"):
-        return _by_rectification(rig) or _by_numbers(
-            [rig.camera(side).D for side in SIDES], [_reach(rig, rig.camera(side)) for side in SIDES]
-        )
+        return _by_rectification(rig) or _by_numbers([camera.D for camera in cameras], list(map(_reach, cameras)))
 
 
 def _by_rectification(rig):
@@ -118,7 +117,7 @@ def _by_rectification(rig):
         return None
     (_, P1), (_, P2) = rig.rectification.values()
     centres = np.array([P1[:2, 2], P2[:2, 2]])
-    flags = cv2.CALIB_ZERO_DISPARITY if P1[0, 2] == P2[0, 2] else 0
+    flags = cv2.CALIB_ZERO_DISPARITY if np.array_equal(*centres) else 0
     cameras = [part for camera in (rig.left, rig.right) for part in (camera.K, camera.D)]
     setting = *cameras, (rig.width, rig.height), rig.R, rig.T.reshape(3, 1)
     off = {
@@ -174,9 +173,10 @@ def _by_numbers(D, reach):
     return "radtan", "the last two are thousandths, as p1 and p2 are"
 
 
-def _reach(rig, camera):
+def _reach(camera):
     (fx, _, cx), (_, fy, cy), _ = camera.K
-    return max(cx / fx, (rig.width - 1 - cx) / fx, cy / fy, (rig.height - 1 - cy) / fy)
+    width, height = camera.size
+    return max(cx / fx, (width - 1 - cx) / fx, cy / fy, (height - 1 - cy) / fy)
 
 
 def _fisheye_curve(D):

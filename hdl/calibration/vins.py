@@ -8,6 +8,7 @@ src/calib/StereoCameraCalibration.cc, writeParams.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -36,7 +37,7 @@ def recognises(document: Document) -> bool:
 def read(documents: list[Document], size: tuple[int, int] | None, select: None) -> Rig:
     """The rig of one configuration and the cameras that it names, or of two cameras and extrinsics.yaml.
 
-    Raises InputError for a missing field or file, an unknown lens, images of two sizes, and cameras by themselves.
+    Raises InputError for a missing field or file, an unknown lens, and cameras by themselves.
     """
     configurations = [document for document in documents if _TRAIT.search(document.text)]
     cameras = [document for document in documents if camodocal.recognises(document)]
@@ -63,7 +64,7 @@ def _configured(document, cameras):
         raise fields.fault("cam1_calib", None, "missing: a configuration of one camera; a rig needs two")
     rig = mounted.numbered(document.name, *(_mounted(fields, cameras, number) for number in "01"))
     stated = tuple(fields.get(key) for key in _SIZE if key in fields)
-    if stated not in ((), (rig.width, rig.height)):
+    if stated not in ((), *rig.sizes):
         problem = f"the cameras' files say {rig.width}x{rig.height}, which their numbers are of: that is used"
         rig = rig.warned_as(fields.fault(", ".join(_SIZE), "x".join(map(str, stated)), problem))
     return rig
@@ -100,16 +101,14 @@ def _transformed(document, cameras):
         raise InputError(names, None, None, "which is of the left camera? call one left, the other right")
     left, right = cameras if told[0] == 0 else reversed(cameras)
     (camera, size), (other, its) = camodocal.read(left), camodocal.read(right)
-    if size != its:
-        problem = f"not the size in {left.name}, {size[0]}x{size[1]}"
-        raise InputError(right.name, "image_width, image_height", f"{its[0]}x{its[1]}", problem)
     fields = Fields(document.name, document.yaml).child("transform")
     where, field = document.name, fields.prefix
     R = motion.of_quaternion(where, field, *fields.numbers("q_x", "q_y", "q_z", "q_w"))
     T = checks.position(where, field, np.array(fields.numbers("t_x", "t_y", "t_z")))
-    roles = {"size": (left.name, "image_width, image_height")} | dict.fromkeys("RT", (where, field))
+    roles = dict.fromkeys("RT", (where, field))
     for number, file in (("1", left), ("2", right)):
+        roles["size" + number] = file.name, ", ".join(_SIZE)
         roles["K" + number] = file.name, "projection_parameters"
         roles["D" + number] = file.name, "distortion_parameters"
     source = ", ".join(file.name for file in (left, right, document))
-    return Rig(source, *size, camera, other, R, T, fields=roles)
+    return Rig(source, *size, replace(camera, size=size), replace(other, size=its), R, T, fields=roles)

@@ -3,13 +3,14 @@
 import dataclasses
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hdl.arithmetic.cost import GOALS
+from hdl.calibration.rig import SIDES, STRETCH, Rig, stretch
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.core.versions import versions
 from hdl.datapaths import DATAPATHS
@@ -17,6 +18,8 @@ from hdl.datapaths.base import Datapath
 from hdl.datapaths.selection import Considered, choose, fit
 from hdl.errors import BudgetError, InputError
 from hdl.geometry.coordinates import Border
+from hdl.geometry.notes import turned
+from hdl.geometry.rectification import RectificationOptions, helpful, rectify
 from hdl.geometry.row_minimisation import loss
 from hdl.geometry.view import View
 from hdl.stream.rectifier import PIXEL_FORMATS, Rectifier, RectifierParameters
@@ -124,8 +127,9 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
     Raises
     ------
     InputError
-        Where the budget, the line memory or the frame size cannot be met.
+        Where the budget, the line memory or the frame size cannot be met, and for `refuse_other_size`.
     """
+    refuse_other_size(view.fault, view.side, view.source_size, (view.width, view.height))
     progress("exact map")
     exact = view.map()
     considered: list[Considered] = []
@@ -137,18 +141,23 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
         progress(f"word lengths of {options.datapath}")
         datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
     progress("error at every pixel")
-    error = datapath.coordinates.error(*exact)
+    error = datapath.coordinates.error(*exact, view.source_size)
     worst = max(error["u"]["max"], error["v"]["max"])
     if options.max_error is not None and worst > options.max_error:
         raise BudgetError(options.max_error, worst, f"{datapath.name} for the {view.side} camera")
     progress("line buffer")
     try:
         parameters = RectifierParameters(datapath, options.pixel_bits, options.channels, options.border)
-        line_buffer = parameters.line_buffer
     except InputError:
         raise
     except ValueError as problem:  # the frame is too small
         raise InputError("--size", None, f"{view.width}x{view.height}", str(problem)) from problem
+    try:
+        line_buffer = parameters.line_buffer
+    except InputError:
+        raise
+    except ValueError as problem:  # the map asks for a whole frame
+        raise view.fault(*view.geometry, str(problem)) from problem
     kib = line_buffer.bits / 8 / 1024
     if kib > options.max_line_buffer_kib:
         raise InputError(
@@ -173,9 +182,11 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
             "R": view.R.tolist(),
             "P": view.P.tolist(),
             "unit": view.unit,
+            "aligned": view.aligned,
             "origin": view.origin,
             "minimised": _minimised(view),
         },
+        source=dict(zip(("width", "height"), view.source_size)),
         width=view.width,
         height=view.height,
         lens=view.lens,
@@ -205,6 +216,51 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
         verilog_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
     return Core(parameters, exact, text, plan)
+
+
+def refuse_other_size(
+    fault: Callable[..., InputError], side: str, source: tuple[int, int], rectified: tuple[int, int]
+) -> None:
+    """Raise InputError where the images of a camera are not of the rectified images' size.
+
+    Parameters
+    ----------
+    fault : callable
+        `Rig.fault`.
+    side : str
+    source, rectified : (width, height)
+        px.
+    """
+    if source != rectified:
+        size = "{}x{}".format(*rectified)
+        problem = f"a source image of another size than the rectified one, {size}, is all that no core takes yet"
+        if stretch(source, rectified) <= STRETCH:
+            problem += f"; --size {size} does for images that are resampled to it"
+        raise fault(f"size{1 + SIDES.index(side)}", "{}x{}".format(*source), problem)
+
+
+def refuse_whole_frames(rig: Rig, views: dict[str, View], options: RectificationOptions, sides: Iterable[str]) -> None:
+    """Raise InputError, with the cause, where no core can follow the map of one of ``sides``: before any is fitted.
+
+    ``views`` are those of ``rig`` (`Rig`) and ``options`` (`RectificationOptions`). A core rounds its coordinates, and
+    may be refused for one row more.
+    """
+    if all(_can_follow(views[side]) for side in sides):
+        return
+    if turn := turned(rig, views, options):
+        raise turn
+    view = next(views[side] for side in sides if not _can_follow(views[side]))
+    problem = (
+        f"the first row of the rectified {view.side} image shows row {view.window.lead} of the source's "
+        f"{view.source_size[1]}, and no core holds a whole frame"
+    )
+    others = [choice for choice in helpful(rig) if all(map(_can_follow, rectify(rig, choice, lens=view.lens).values()))]
+    found = " or ".join(choice.spelled for choice in others)
+    raise rig.fault(*view.geometry, problem + (f"; {found} would do" if found else ""))
+
+
+def _can_follow(view: View) -> bool:
+    return view.window.leaves_room(view.source_size[1])
 
 
 def _minimised(view: View) -> dict[str, Any] | None:

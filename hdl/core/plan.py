@@ -20,14 +20,21 @@ class _Entry(BaseModel):
 
 
 class CameraEntry(_Entry):
-    """The camera whose images the core takes: the entry of the file that it was read from; K and D for the plan's frame
-    size, in px."""
+    """The camera whose images the core takes: the entry of the file that it was read from; K and D for images of the
+    size of `SourceEntry`, in px."""
 
     side: Literal["left", "right"]
     source: str
     model: str
     K: Matrix3x3
     D: list[float]
+
+
+class SourceEntry(_Entry):
+    """Size of the source image, px."""
+
+    width: int
+    height: int
 
 
 class MinimisedEntry(_Entry):
@@ -41,11 +48,12 @@ class MinimisedEntry(_Entry):
 
 class RectificationEntry(_Entry):
     """R rotates the camera's frame into the rectified one, P projects that to rectified px, the baseline in it in
-    ``unit``."""
+    ``unit``. A point lies on one row of both rectified images, or on one column: what is ``aligned``."""
 
     R: Matrix3x3
     P: Matrix3x4
     unit: Literal["m"] | None
+    aligned: Literal["rows", "columns"]
     origin: str
     minimised: MinimisedEntry | None
 
@@ -107,6 +115,7 @@ class ConsideredEntry(_Entry):
 class Plan(_Entry):
     """One core. Lengths in px, matrices row by row, formats as Qi.f (UQi.f: unsigned).
 
+    ``width`` and ``height`` are the rectified image's.
     ``distortion_dropped`` is what a core without the lens leaves out: how far the lens moves the source of a pixel;
     null where nothing is left out. ``versions`` are those of the programs that decide the text.
     """
@@ -115,6 +124,7 @@ class Plan(_Entry):
     top: str
     camera: CameraEntry
     rectification: RectificationEntry
+    source: SourceEntry
     width: int
     height: int
     lens: bool

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from hdl.calibration.rig import SIDES, Camera, Rig
+from hdl.calibration.stance import ALIGNED
 from hdl.cli import GREATEST_SIZE, LEAST_SIZE
 from hdl.core.build import MARK, Options, build
 from hdl.core.plan import PLAN_VERSION, Plan
@@ -52,15 +53,16 @@ class PlannedCore:
     @property
     def view(self):
         """The `View` that the plan states."""
-        camera = self.plan.camera
+        camera, size = self.plan.camera, (self.plan.source.width, self.plan.source.height)
         return View(
             camera.side,
-            Camera(camera.model, np.array(camera.K), np.array(camera.D)),
+            Camera(camera.model, np.array(camera.K), np.array(camera.D), size=size),
             np.array(self.plan.rectification.R),
             np.array(self.plan.rectification.P),
             self.plan.width,
             self.plan.height,
             self.plan.lens,
+            aligned=self.plan.rectification.aligned,
             origin=self.plan.rectification.origin,
             entry=camera.source,
             unit=self.plan.rectification.unit,
@@ -151,16 +153,18 @@ def load_folder(folder):
 def stereo_rig(cores):
     """The `Rig` that the plans' rectifications imply, in the calibration's unit.
 
-    A single camera gets a second one like it, a baseline of 1 beside it where its P has none.
+    A single camera gets a second one like it, a baseline of 1 beside it, or below it, where its P has none.
     """
     views = {side: core.view for side, core in cores.items()}
     (only, view), *others = views.items()
     if not others:
-        shift = view.P[0, 3] / view.P[0, 0] or -1.0
-        return Rig(str(only), view.width, view.height, view.camera, view.camera, np.eye(3), view.R.T @ [shift, 0, 0])
+        shift, axis = np.zeros(3), axis_of(view)
+        shift[axis] = view.P[axis, 3] / view.P[axis, axis] or -1.0
+        return Rig(str(only), view.width, view.height, view.camera, view.camera, np.eye(3), view.R.T @ shift)
     left, right = views["left"], views["right"]
-    baseline = np.array([-baseline_of(left, right), 0, 0])
-    # R_right x_right = R_left x_left + (-B, 0, 0)
+    baseline = np.zeros(3)
+    baseline[axis_of(left)] = -baseline_of(left, right)
+    # R_right x_right = R_left x_left + (-B, 0, 0), or (0, -B, 0)
     R, T = right.R.T @ left.R, right.R.T @ baseline
     source = ", ".join(str(core.file) for core in cores.values())
     return Rig(source, left.width, left.height, left.camera, right.camera, R, T)
@@ -168,7 +172,13 @@ def stereo_rig(cores):
 
 def baseline_of(left, right):
     """Distance between the two cameras, in the calibration's unit, from the P of both `View`s."""
-    return left.P[0, 3] / left.P[0, 0] - right.P[0, 3] / right.P[0, 0]
+    axis = axis_of(left)
+    return left.P[axis, 3] / left.P[axis, axis] - right.P[axis, 3] / right.P[axis, axis]
+
+
+def axis_of(view):
+    """0 or 1: the axis along which points of the pair are apart, x where rows are aligned."""
+    return ALIGNED.index(view.aligned)
 
 
 def _options(plan, budget=None):
@@ -263,9 +273,14 @@ def _text(file):
 
 
 def _check_pair(left, right):
+    aligned = [core.plan.rectification.aligned for core in (left, right)]
+    if aligned[0] != aligned[1]:
+        problem = f"{left.file.name} has {aligned[0]}: these two are no pair"
+        raise InputError(right.file, "rectification.aligned", aligned[1], problem)
+    axis = axis_of(left.view)
     for field, index in (
         *((name, None) for name in ("width", "height", "lens", "pixel_bits", "channels", "fraction_bits", "dsp")),
-        *((f"rectification.P[{row}][{column}]", (row, column)) for row, column in ((0, 0), (1, 1), (1, 2))),
+        *((f"rectification.P[{row}][{column}]", (row, column)) for row, column in ((0, 0), (1, 1), (1 - axis, 2))),
     ):
         values = [getattr(core.plan, field) if index is None else core.view.P[index] for core in (left, right)]
         if not math.isclose(*values, rel_tol=1e-6):
@@ -276,7 +291,7 @@ def _check_pair(left, right):
     baseline = baseline_of(left.view, right.view)
     if not baseline > 0:
         problem = f"gives a baseline of {baseline:.4g}: the left and the right camera are exchanged, or the same"
-        raise InputError(right.file, "rectification.P[0][3]", right.view.P[0, 3], problem)
+        raise InputError(right.file, f"rectification.P[{axis}][3]", right.view.P[axis, 3], problem)
 
 
 def _refusal(file, error):

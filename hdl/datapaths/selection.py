@@ -97,7 +97,7 @@ def choose(
         except InputError as refusal:
             others.append(Considered(name, None, None, None, refusal.problem))
             continue
-        error = datapath.coordinates.error(*view.map())
+        error = datapath.coordinates.error(*view.map(), view.source_size)
         worst = max(error["u"]["max"], error["v"]["max"])
         entry = Considered(name, datapath, worst, datapath.cost, "costs more")
         if worst <= budget:

@@ -64,7 +64,7 @@ class Table(Datapath):
         # All that lies outside the image is the border's, however far.
         u, v = (
             np.clip(np.floor(exact * 2.0**fraction_bits + 0.5), -1 << fraction_bits, size << fraction_bits)
-            for exact, size in zip(view.map(), (view.width, view.height))
+            for exact, size in zip(view.map(), view.source_size)
         )
         coordinates = Coordinates(u.astype(np.int32), v.astype(np.int32), fraction_bits)
         return cls(view.width, view.height, fraction_bits, coordinates)

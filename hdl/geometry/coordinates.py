@@ -44,6 +44,7 @@ class Border:
 class Window:
     """Which source rows an output row needs: rows y + d_lo to y + d_hi of the source for row y (px).
 
+    Of a source of another height, y stands for the source row that is due with row y: both frames take the same time.
     Source: DESIGN section 5; both ends are exhaustive over all taps that are read inside the source.
     """
 
@@ -57,6 +58,10 @@ class Window:
         A core cannot start a frame before that frame's first row is in, so a map that looks upwards only has lead 0.
         """
         return max(self.d_hi, 0)
+
+    def leaves_room(self, height: int) -> bool:
+        """Whether a core can follow: output row 0 starts before the last one of ``height`` source rows is in."""
+        return self.lead <= height - 2
 
     @property
     def rows(self) -> int:
@@ -98,19 +103,23 @@ class Coordinates:
         """Least and greatest ``v``, in units of 2**-fraction_bits px."""
         return int(self.v.min()), int(self.v.max())
 
-    def window(self, border: Border) -> Window:
-        """The `Window` of these coordinates under a `Border`; raises InputError where no tap is inside the source."""
+    def window(self, border: Border, source: tuple[int, int]) -> Window:
+        """The `Window` of these coordinates under a `Border`.
+
+        ``source``: (width, height) of the source image, px. Raises InputError where no tap is inside the source.
+        """
+        width, height = source
         column = self.u >> self.fraction_bits
         top = self.v >> self.fraction_bits
-        last_row = self.height - 1
-        offset = top - np.arange(self.height, dtype=top.dtype)[:, None]
+        last_row = height - 1
+        due = (np.arange(self.height, dtype=top.dtype) * height // self.height)[:, None]
         if border.mode == "replicate":
             # Clamping the row is what BORDER_REPLICATE does to both taps.
-            rows = np.arange(self.height, dtype=top.dtype)[:, None]
-            upper = np.clip(top, 0, last_row) - rows
-            lower = np.clip(top + 1, 0, last_row) - rows
+            upper = np.clip(top, 0, last_row) - due
+            lower = np.clip(top + 1, 0, last_row) - due
             return Window(int(upper.min()), int(lower.max()))
-        some_column = (column >= -1) & (column <= self.width - 1)
+        offset = top - due
+        some_column = (column >= -1) & (column <= width - 1)
         upper = offset[some_column & (top >= 0) & (top <= last_row)]
         lower = offset[some_column & (top >= -1) & (top <= last_row - 1)] + 1
         taps = [taps for taps in (upper, lower) if taps.size]
@@ -118,15 +127,16 @@ class Coordinates:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
         return Window(int(min(t.min() for t in taps)), int(max(t.max() for t in taps)))
 
-    def error(self, u: np.ndarray, v: np.ndarray) -> dict[str, Any]:
+    def error(self, u: np.ndarray, v: np.ndarray, source: tuple[int, int]) -> dict[str, Any]:
         """Error statistics against the float64 map ``u, v`` (px, shape (height, width)).
 
-        Counted are the output pixels whose exact source lies inside the source image. ``rounded`` is the paper's
-        measure: the difference of both coordinates after rounding each to whole pixels (Hyun and Moon 2015, Table 1).
+        Counted are the output pixels whose exact source lies inside the source image, which is of size ``source``
+        (width, height; px). ``rounded`` is the paper's measure: the difference of both coordinates after rounding each
+        to whole pixels (Hyun and Moon 2015, Table 1).
 
         Returns the plan's ``error`` entry, lengths in px.
         """
-        inside = inside_image(u, v, self.width, self.height)
+        inside = inside_image(u, v, *source)
         pixels = int(np.count_nonzero(inside))
         if not pixels:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")

@@ -3,8 +3,8 @@
 import rich_click as click
 
 from hdl.errors import InputError
+from hdl.geometry.choices import MAX_FOV_LOSS
 from hdl.geometry.coordinates import Border
-from hdl.geometry.rectification import RectificationOptions
 
 
 class CenterType(click.ParamType):
@@ -32,7 +32,8 @@ class BorderType(click.ParamType):
 
 
 def rectification_options(command):
-    """The options of a command that rectifies; together they are the arguments of `RectificationOptions`."""
+    """The options of a command that rectifies; together they are the arguments of `hdl.geometry.rectification`'s
+    RectificationOptions."""
     for option in reversed(
         (
             click.option(
@@ -54,10 +55,9 @@ def rectification_options(command):
             click.option(
                 "--max-fov-loss",
                 type=float,
-                default=RectificationOptions.max_fov_loss,
-                show_default=True,
                 metavar="SHARE",
-                help="Field of view, filled frame or focal length that --minimise may give up.",
+                help="Field of view, filled frame or focal length that --minimise may give up. "
+                f"Default: {MAX_FOV_LOSS:g}.",
             ),
         )
     ):

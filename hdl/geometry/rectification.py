@@ -1,80 +1,27 @@
-"""The rectification of a rig: which rotations and which common projection turn two cameras into a row-aligned pair."""
+"""The rectification of a rig: which rotations and which common projection turn two cameras into a row-aligned pair, or
+into a column-aligned one where one stands above the other."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from hdl.calibration.checks import half_rotation
+from hdl.calibration import stance
 from hdl.calibration.rig import SIDES, Rig
 from hdl.errors import InputError
+from hdl.geometry.choices import MAX_FOV_LOSS, RectificationOptions
 from hdl.geometry.coordinates import inside_image
 from hdl.geometry.row_minimisation import minimise_rows
 from hdl.geometry.view import View
 from hdl.lens import LENS_MODELS
 
-__all__ = ["RectificationOptions", "View", "rectify"]
+__all__ = ["LEAST_FILLED", "MAGNIFIED", "RectificationOptions", "View", "helpful", "magnification", "rectify"]
 
-DEGENERATE = 10  # a rectified view magnified or reduced further is one that went wrong
-
-
-@dataclass(frozen=True)
-class RectificationOptions:
-    """What the user chooses of the rectification, each by its command-line name; None: not chosen.
-
-    Parameters
-    ----------
-    alpha : float
-        As cv2.stereoRectify's: 0 shows no pixel without a source, 1 loses no source pixel. It is a choice of the focal
-        length, which cameras with a lens that cv2.stereoRectify does not know do not have; 0 where nothing else
-        chooses it.
-    focal : float
-        Focal length of both rectified views, px.
-    fov : float
-        In place of ``focal``: horizontal field of view of the rectified frame, outer edge to outer edge, degrees.
-    center : (x, y)
-        Principal point of both rectified views, px, inside the frame.
-    minimise : "rows"
-        Choose what is left free so that the line buffers are smallest; see `hdl.geometry.row_minimisation`.
-    max_fov_loss : float
-        For ``minimise``: the share of the field of view that it may give up, 0 to 0.5.
-
-    Raises
-    ------
-    InputError
-        For a value outside its range, and where two of alpha, focal and fov are given.
-    """
-
-    alpha: float | None = None
-    focal: float | None = None
-    center: tuple[float, float] | None = None
-    fov: float | None = None
-    minimise: str | None = None
-    max_fov_loss: float = 0.05
-
-    def __post_init__(self):
-        for name, fits, needed in (
-            ("alpha", lambda x: 0 <= x <= 1, "a number from 0 to 1"),
-            ("focal", lambda x: 0 < x < math.inf, "a positive number of pixels"),
-            ("fov", lambda x: 0 < x < 180, "an angle between 0 and 180 degrees"),
-            ("max_fov_loss", lambda x: 0 <= x <= 0.5, "a share from 0 to 0.5"),
-        ):
-            value = getattr(self, name)
-            if value is not None and not fits(value):
-                raise InputError(_option(name), None, value, f"{needed} is needed")
-        if self.minimise not in (None, "rows"):
-            raise InputError("--minimise", None, self.minimise, "rows is what can be minimised")
-        first, *others = [name for name in ("alpha", "focal", "fov") if getattr(self, name) is not None] or [None]
-        if others:
-            problem = f"{_option(first)} chooses the focal length already; keep one of them"
-            raise InputError(_option(others[0]), None, getattr(self, others[0]), problem)
-
-    @property
-    def given(self) -> list[str]:
-        """The choices that were made, as the command line spells them. With one, a file's own rectification is out."""
-        names = ("alpha", "focal", "center", "fov", "minimise")
-        return [_option(name) for name in names if getattr(self, name) is not None]
+MAGNIFIED = 2.0  # a rectified view magnified further is seldom meant
+DEGENERATE = 10  # one magnified or reduced further is one that went wrong
+ALPHAS = 0, 1, 0.75, 0.5, 0.25  # that are tried, the most usual first
+LEAST_FILLED = 0.5  # share of the frame; rectified frames as people choose them are filled by more than two thirds
 
 
 def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *, lens: bool) -> dict[str, View]:
@@ -93,32 +40,84 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
         If an option does not fit the rig, if the rectified frame reaches behind a camera (z <= 0), or if the file's
         own rectification is wanted and cannot be right.
     """
-    own = options.given in ([], ["--minimise"])
-    if own and rig.rectification_fault:
-        instead = "--focal or --fov" if _is_fisheye(rig) else "--alpha 0, --focal or --fov"
-        raise InputError(None, None, None, f"{rig.rectification_fault}; {instead} do without it")
-    if rig.rectification and own:
+    if options.keep_the_files and rig.rectification_fault:
+        raise InputError(None, None, None, f"{rig.rectification_fault}{_instead(rig)}")
+    if rig.rectification and options.keep_the_files:
         rectification = rig.rectification
         geometry = [(role, rectification[side][0]) for role, side in zip(("R1", "R2"), SIDES)]
+        reason = ""
     else:
         rectification = _computed(rig, options)
-        geometry = [_larger_turn(rig)] * 2
-    views = {
-        side: View(
-            side, rig.camera(side), *rectification[side], rig.width, rig.height, lens,
-            origin=_origin(rig, options), entry=rig.origins[side], unit=rig.unit, geometry=culprit, fault=rig.fault,
-        )
-        for side, culprit in zip(SIDES, geometry)
-    }  # fmt: skip
+        turn = stance.largest_turn(rig)
+        geometry = [(turn.role, turn.value)] * 2
+        reason = f", as {turn.cause}" if turn.angle >= stance.UNUSUAL else ""
+        if not _chosen(options) and _degenerate(rig, *(P for _, P in rectification.values())):
+            raise _degenerate_fault(rig, options.alpha or 0.0, rectification["left"][1])
+    views = _views(rig, rectification, lens, origin=_origin(rig, options), unit=rig.unit, fault=rig.fault)
+    views = {side: replace(view, geometry=culprit) for (side, view), culprit in zip(views.items(), geometry)}
     for view in views.values():
         if not view.nearest() > 0:
-            problem = f"the rectified frame reaches behind the {view.side} camera (z = {view.nearest():.3g})"
-            raise rig.fault(*view.geometry, problem)
+            problem = f"the rectified frame reaches behind the {view.side} camera{reason}"
+            raise rig.fault(*view.geometry, problem + _instead(rig))
     if options.minimise:
         focal = options.focal is None and options.fov is None
-        fewest = minimise_rows(views, options.max_fov_loss, center=options.center is None, focal=focal)
+        share = MAX_FOV_LOSS if options.max_fov_loss is None else options.max_fov_loss
+        fewest = minimise_rows(views, share, center=options.center is None, focal=focal)
         return {side: replace(view, before=views[side]) for side, view in fewest.items()}
     return views
+
+
+def magnification(rig: Rig, view: View) -> float:
+    """How many times larger ``view`` shows things than the images of ``rig`` do, resampled to the rectified size."""
+    return view.P[1, 1] / _source_focal_length(rig)
+
+
+def helpful(rig: Rig) -> list[RectificationOptions]:
+    """Choices that rectify ``rig`` anew to a frame with a source, at about the scale of the images: each tried."""
+    f = _source_focal_length(rig)
+    by_alpha = [] if _is_fisheye(rig) else [RectificationOptions(alpha=alpha) for alpha in ALPHAS]
+    by_view = [RectificationOptions(fov=math.floor(2 * math.degrees(math.atan(rig.width / 2 / f))))]
+    axes = np.array([R[:2, 2] / R[2, 2] for R in _stereo_rectify(rig, None, None, 0)[:2]])
+    extent = np.array([rig.width, rig.height]) - 1
+    center = np.clip(np.round(extent / 2 - f * axes.mean(axis=0)), 0, extent)  # the images' middles in the frame's
+    by_view.append(RectificationOptions(focal=round(f), center=tuple(center)))
+    found = (next((options for options in group if _works(rig, options)), None) for group in (by_alpha, by_view))
+    return [options for options in found if options]
+
+
+def _works(rig, options):
+    try:
+        rectification = _computed(rig, options)
+    except InputError:
+        return False
+    if _degenerate(rig, *(P for _, P in rectification.values()), MAGNIFIED):
+        return False
+    views = _views(rig, rectification, lens=True)
+    return all(view.nearest() > 0 and _filled(view) > LEAST_FILLED for view in views.values())
+
+
+def _filled(view, cells=40):
+    """About the share of the frame that has a source."""
+    x, y = (np.linspace(0, extent - 1, cells) for extent in (view.width, view.height))
+    with np.errstate(all="ignore"):
+        return inside_image(*view.project(x, y[:, None]), *view.source_size).mean()
+
+
+def _views(rig, rectification, lens, **details):
+    (_, P1), (_, P2) = rectification.values()
+    aligned = stance.ALIGNED[stance.along(P2[:, 3] - P1[:, 3])]
+    return {
+        side: View(
+            side, rig.camera(side), R, P, rig.width, rig.height, lens,
+            aligned=aligned, entry=rig.origins[side], **details,
+        )
+        for side, (R, P) in rectification.items()
+    }  # fmt: skip
+
+
+def _instead(rig):
+    found = [options.spelled for options in helpful(rig)]
+    return f"; {' or '.join(found)} would do" if found else ""
 
 
 def _origin(rig, options):
@@ -127,8 +126,9 @@ def _origin(rig, options):
     return f"computed, {', '.join(options.given) or 'default'}"
 
 
-def _option(name):
-    return "--" + name.replace("_", "-")
+def _chosen(options):
+    """Whether the user decides on P: it is then not cv2.stereoRectify's."""
+    return options.center or options.focal or options.fov
 
 
 def _is_fisheye(rig):
@@ -138,9 +138,9 @@ def _is_fisheye(rig):
 def _computed(rig, options):
     """{side: (R, P)} by cv2.stereoRectify and ``options``."""
     alpha = options.alpha or 0.0
-    chosen = options.center or options.focal or options.fov
     if not _is_fisheye(rig):
-        R1, R2, P1, P2 = _polynomial(rig, alpha, check=not chosen)
+        D1, D2 = _coefficients(rig)
+        R1, R2, P1, P2 = _stereo_rectify(rig, D1, D2, alpha)
     elif options.alpha is None:
         R1, R2, P1, P2 = _without_alpha(rig)
     else:
@@ -148,13 +148,17 @@ def _computed(rig, options):
         raise InputError("--alpha", None, alpha, f"a lens of model {model} has none; choose --focal or --fov")
     if rig.rectification:
         R1 = R2 @ rig.R  # of such a rig R has the errors that rounding left in R1 and R2 of the file
-    if not chosen:
+    if not _chosen(options):
         return {"left": (R1, P1), "right": (R2, P2)}
     center = options.center or (P1[0, 2], P1[1, 2])
+    nearest = np.clip(np.round(center), 0, [rig.width - 1, rig.height - 1])
     for name, c, extent in zip("xy", center, (rig.width, rig.height)):
         if not 0 <= c <= extent - 1:
-            problem = f"the principal point lies outside the {rig.width}x{rig.height} frame"
-            raise InputError("--center", name, c, problem if options.center else problem + "; give one")
+            problem = (
+                f"the principal point lies outside the {rig.width}x{rig.height} frame; --center "
+                f"{nearest[0]:g},{nearest[1]:g} is the nearest inside"
+            )
+            raise InputError("--center", name, c, problem)
     if options.focal or options.fov:
         f = options.focal or _focal_of_fov(options.fov, center[0], rig.width)
         if not max(rig.width, rig.height) / 20 <= f <= max(rig.width, rig.height) * 100:
@@ -170,8 +174,9 @@ def _computed(rig, options):
 def _pair(rig, rotations, f, center):
     """{side: (R, P)} for a common focal length and principal point."""
     P1 = np.array([[f, 0, center[0], 0], [0, f, center[1], 0], [0, 0, 1, 0]], dtype=np.float64)
-    P2 = P1.copy()
-    P2[0, 3] = f * (rotations[1] @ rig.T)[0]
+    P2, T = P1.copy(), rotations[1] @ rig.T
+    axis = stance.along(T)
+    P2[axis, 3] = f * T[axis]
     return {"left": (rotations[0], P1), "right": (rotations[1], P2)}
 
 
@@ -186,27 +191,31 @@ def _without_alpha(rig):
     return R1, R2, pair["left"][1], pair["right"][1]
 
 
-def _polynomial(rig, alpha, check):
-    """R1, R2, P1, P2 of cv2.stereoRectify; ``check``: refuse a magnification that cannot be meant."""
-    D1, D2 = (camera.D if camera.D.size else None for camera in (rig.left, rig.right))
-    R1, R2, P1, P2 = _stereo_rectify(rig, D1, D2, alpha)
-    if check and _degenerate(rig, P1, P2):
-        if _degenerate(rig, *_stereo_rectify(rig, None, None, alpha)[2:]):
-            culprit = _larger_turn(rig)
-        elif _degenerate(rig, *_stereo_rectify(rig, None, D2, alpha)[2:]):
-            culprit = "D2", D2
-        else:
-            culprit = "D1", D1
-        magnification = P1[0, 0] / _source_focal_length(rig)
-        problem = f"with alpha {alpha:g} cv2.stereoRectify magnifies {magnification:.3g} times; another alpha may help"
-        raise rig.fault(*culprit, problem)
-    return R1, R2, P1, P2
+def _coefficients(rig):
+    return [camera.D if camera.D.size else None for camera in (rig.left, rig.right)]
 
 
-def _degenerate(rig, P1, P2):
-    magnification = P1[0, 0] / _source_focal_length(rig)
+def _degenerate_fault(rig, alpha, P1):
+    """What is to be said of a rectification by cv2.stereoRectify with a magnification that cannot be meant."""
+    D1, D2 = _coefficients(rig)
+    culprit, reason, turn = ("D1", D1), "", stance.largest_turn(rig)
+    if _degenerate(rig, *_stereo_rectify(rig, None, None, alpha)[2:], MAGNIFIED):
+        culprit = turn.role, turn.value
+        if turn.angle >= stance.UNUSUAL:
+            reason = f", as {turn.cause}"
+    elif _degenerate(rig, *_stereo_rectify(rig, None, D2, alpha)[2:]):
+        culprit = "D2", D2
+    times = P1[0, 0] / _source_focal_length(rig)
+    found = f"magnifies {times:.3g} times" if times > 0 else "finds no view"
+    problem = f"with alpha {alpha:g} cv2.stereoRectify {found}{reason}"
+    return rig.fault(*culprit, problem + _instead(rig))
+
+
+def _degenerate(rig, P1, P2, most=DEGENERATE):
+    """Whether the pair is magnified or reduced more than ``most`` times, or looks far past the images."""
+    times = P1[0, 0] / _source_focal_length(rig)
     centres = np.abs([P1[:2, 2], P2[:2, 2]]).max()
-    return not (1 / DEGENERATE < magnification < DEGENERATE and centres <= DEGENERATE * max(rig.width, rig.height))
+    return not (1 / most < times < most and centres <= DEGENERATE * max(rig.width, rig.height))
 
 
 def _focal_of_fov(fov, cx, width):
@@ -262,26 +271,33 @@ def _border_inside(view):
     with np.errstate(all="ignore"):
         u, v = view.project(xr, yr)
     front = view.ray[2] @ [xr, yr, np.ones_like(xr)] > 0
-    return front & inside_image(u, v, view.width, view.height)
+    return front & inside_image(u, v, *view.source_size)
 
 
 def _source_focal_length(rig):
-    return np.mean([camera.pinhole[i, i] for camera in (rig.left, rig.right) for i in (0, 1)])
+    """The mean of both cameras' and both axes' next to the optical axis, px of the rectified image's size."""
+    return np.mean([camera.pinhole[i, i] for camera in _common_size(rig) for i in (0, 1)])
+
+
+def _common_size(rig):
+    """Both cameras, their images resampled to the rectified size: corner to corner, so that they show what they did."""
+    size = np.array([rig.width, rig.height])
+    return [
+        replace(camera, K=np.diag([*((size - 1) / np.subtract(camera.size, 1)), 1]) @ camera.K)
+        for camera in (rig.left, rig.right)
+    ]
 
 
 def _stereo_rectify(rig, D1, D2, alpha):
-    """R1, R2, P1, P2."""
+    """R1, R2, P1, P2.
+
+    cv2.stereoRectify knows one image size, the rectified images' and both cameras'. R1 and R2 follow from R and T
+    alone; P from where the images' borders come to lie, which is the same for images resampled to that size.
+    """
     size, T = (rig.width, rig.height), rig.T.reshape(3, 1)
+    K1, K2 = (camera.K for camera in _common_size(rig))
     try:
-        return cv2.stereoRectify(
-            rig.left.K, D1, rig.right.K, D2, size, rig.R, T, flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha
-        )[:4]
+        return cv2.stereoRectify(K1, D1, K2, D2, size, rig.R, T, flags=cv2.CALIB_ZERO_DISPARITY, alpha=alpha)[:4]
     except cv2.error as error:
-        raise rig.fault(*_larger_turn(rig), f"cv2.stereoRectify refuses the rig: {error.err}") from None
-
-
-def _larger_turn(rig):
-    """Role and value of R or T, whichever turns the cameras further: the one to look at when a rectification fails."""
-    angle = np.linalg.norm(cv2.Rodrigues(rig.R)[0]) / 2
-    x, y, z = half_rotation(rig.R) @ rig.T
-    return ("T", rig.T) if np.arctan2(np.hypot(y, z), -x) > angle else ("R", rig.R)
+        turn = stance.largest_turn(rig)
+        raise rig.fault(turn.role, turn.value, f"cv2.stereoRectify refuses the rig: {error.err}") from None

@@ -1,8 +1,8 @@
 """The rectification that needs the fewest rows of line buffer.
 
-Row-aligned stays a pair of views under three changes alone that are made to both at once: a rotation about the
-baseline, a shift of the principal point's row, and another focal length. They bend and scale the map, and so decide how
-far it reaches up and down; a rectification is usually chosen without a thought to that.
+Row-aligned, or column-aligned, stays a pair of views under three changes that are made to both at once: a rotation
+about the baseline, a shift of the principal point's row, and another focal length. They bend and scale the map, and so
+decide how far it reaches up and down; a rectification is usually chosen without a thought to that.
 
 Fewer rows are worth having only if the pictures stay what they were. What a change may cost is one number, the share
 that is lost, for each of
@@ -19,8 +19,10 @@ import cv2
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from hdl.calibration.stance import turn_about_view
 from hdl.geometry.view import View
 
+FARTHEST_TURN = 45.0  # degrees about the view: more than a frame of rows is needed anyhow
 _CELLS = 40  # of the grid that stands for the frame during the search, each way
 _GENERATIONS = 60
 _PRICE = 20.0  # rows that all of the view is worth: of two solutions that are all but equal, the one that loses less
@@ -34,7 +36,7 @@ def minimise_rows(views: dict[str, View], max_loss: float, *, center: bool, foca
     Parameters
     ----------
     views : dict of side to View
-        Row-aligned. The rows counted are those of their maps, with the lens where they have it.
+        Row-aligned or column-aligned. The rows counted are those of their maps, with the lens where they have it.
     max_loss : float
         The largest `loss` that is allowed, 0 to 0.5.
     center, focal : bool
@@ -43,9 +45,11 @@ def minimise_rows(views: dict[str, View], max_loss: float, *, center: bool, foca
     Returns
     -------
     dict of side to View
-        Row-aligned as before. Never of more rows, by the exhaustive count of View.window; the same ones if nothing
-        better was found. The same on every call.
+        Aligned as before. Never of more rows, by the exhaustive count of View.window; the same ones if nothing
+        better was found, or if images are turned so far that nothing here can help. The same on every call.
     """
+    if any(abs(turn_about_view(view.R)) > FARTHEST_TURN for view in views.values()):
+        return views
     height = next(iter(views.values())).height
     reach = 0.3 * height  # px; what lies further off costs more than half of the view
     limits = [
@@ -106,7 +110,8 @@ def _changed(views, step):
         K, position = view.P[:, :3].copy(), np.linalg.solve(view.P[:, :3], view.P[:, 3])
         K[:2, :2] *= np.exp(growth / view.height)
         K[1, 2] += shift
-        about_baseline = cv2.Rodrigues(np.array([turn / view.P[1, 1], 0.0, 0.0]))[0]
+        axis = [1.0, 0.0, 0.0] if view.aligned == "rows" else [0.0, 1.0, 0.0]
+        about_baseline = cv2.Rodrigues(turn / view.P[1, 1] * np.array(axis))[0]
         P = K @ np.column_stack([np.eye(3), about_baseline @ position])
         result[side] = replace(view, R=about_baseline @ view.R, P=P)
     return result
@@ -161,13 +166,15 @@ class _Sampled(_Measured):
 
     def __init__(self, view):
         x, y = (np.linspace(0, extent - 1, _CELLS + 1) for extent in (view.width, view.height))
+        width, height = view.source_size
+        scale = width / view.width, height / view.height
         with np.errstate(all="ignore"):
             u, v = view.project(x, y[:, None])
-            self.spread = _spread(view, v - y[:, None], u, v) if view.nearest() > 0 else np.inf
+            self.spread = _spread(view, v - y[:, None] * scale[1], u, v) if view.nearest() > 0 else np.inf
         self._spacing = x[1], y[1]
         middle = [(w[1:, 1:] + w[1:, :-1] + w[:-1, 1:] + w[:-1, :-1]) / 4 for w in (u, v)]
         # The part of a cell that lies inside the source is smooth in what is searched for; whole cells would be coarse.
-        area = _within(middle[0], view.width, x[1]) * _within(middle[1], view.height, y[1])
+        area = _within(middle[0], width, x[1] * scale[0]) * _within(middle[1], height, y[1] * scale[1])
         super().__init__(view, (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1])[:, None] / 2, area)
 
 
@@ -182,12 +189,13 @@ def _within(position, extent, spacing):
 
 
 def _spread(view, offset, u, v):
-    """Rows between the highest and the lowest tap inside the source, relative to the output row; px, not rounded.
+    """Rows between the highest and the lowest tap inside the source, relative to the row that is due; px, not rounded.
 
-    ``offset`` is v - yr at the corners of the cells. Where the source's edge runs between two corners the offset there
-    is interpolated.
+    ``offset`` is that from it to v at the corners of the cells. Where the source's edge runs between two corners the
+    offset there is interpolated.
     """
-    depth = 1 + np.minimum(np.minimum(u, view.width - 1 - u), np.minimum(v, view.height - 1 - v))  # px inside
+    width, height = view.source_size
+    depth = 1 + np.minimum(np.minimum(u, width - 1 - u), np.minimum(v, height - 1 - v))  # px inside
     found = [offset[depth >= 0]]
     for near, far in (((slice(-1),), (slice(1, None),)), ((..., slice(-1)), (..., slice(1, None)))):
         crossing = (depth[near] >= 0) != (depth[far] >= 0)

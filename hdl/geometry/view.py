@@ -30,15 +30,17 @@ class View:
     side : str
         "left" or "right".
     camera : Camera
-        The source camera.
+        The source camera. One that states no size takes images of the rectified image's.
     R : (3, 3) float64
         Rectifying rotation, from the source camera to the rectified one.
     P : (3, 4) float64
         Projection of the rectified camera, px.
     width, height : int
-        Size of the rectified image and of the source image, px.
+        Size of the rectified image, px.
     lens : bool
         Whether the map contains the lens. Without it, it is the homography of Eq. 2.
+    aligned : str
+        "rows" or "columns": which of a point agree in both rectified images of the pair.
     origin : str
         Where R and P come from, in words.
     entry : str
@@ -60,12 +62,18 @@ class View:
     width: int
     height: int
     lens: bool
+    aligned: str = "rows"
     origin: str = "given"
     entry: str = ""
     unit: str | None = None
     before: "View | None" = field(default=None, repr=False)
     geometry: tuple[str, np.ndarray | None] = field(default=("R", None), repr=False)
     fault: Callable[..., InputError] = field(default=partial(InputError, None), repr=False)
+
+    @property
+    def source_size(self) -> tuple[int, int]:
+        """(width, height) of the source image, px."""
+        return self.camera.size or (self.width, self.height)
 
     @cached_property
     def ray(self) -> np.ndarray:
@@ -120,7 +128,7 @@ class View:
             with np.errstate(all="ignore"):  # what overflows is refused below
                 part_u, part_v = self.project(xr, yr)
             u[rows], v[rows] = part_u, part_v
-            inside = inside_image(part_u, part_v, self.width, self.height)
+            inside = inside_image(part_u, part_v, *self.source_size)
             return inside.any(), max(np.abs(part_u, out=part_u).max(), np.abs(part_v, out=part_v).max())
 
         with ThreadPoolExecutor() as pool:
@@ -156,7 +164,7 @@ class View:
         A core rounds its coordinates, and may need a row more at either end.
         """
         u, v = (np.floor(w).astype(np.int32) for w in self.map())
-        return Coordinates(u, v, fraction_bits=0).window(Border())
+        return Coordinates(u, v, fraction_bits=0).window(Border(), self.source_size)
 
     @property
     def distortion(self) -> tuple[np.ndarray, np.ndarray]:
@@ -178,4 +186,4 @@ class View:
     @cached_property
     def inside(self) -> np.ndarray:
         """(height, width) bool: which rectified pixels come from inside the source image."""
-        return inside_image(*self.map(), self.width, self.height)
+        return inside_image(*self.map(), *self.source_size)

@@ -50,7 +50,7 @@ def coordinate_errors(core):
     source is outside the image, as in `hdl.geometry.coordinates.Coordinates.error`."""
     coordinates = core.parameters.datapath.coordinates
     u, v = core.exact
-    inside = inside_image(u, v, coordinates.width, coordinates.height)
+    inside = inside_image(u, v, core.plan.source.width, core.plan.source.height)
     scale = 2.0**-coordinates.fraction_bits
     pairs = {"u": (coordinates.u, u), "v": (coordinates.v, v)}
     return {axis: np.where(inside, used * scale - exact, np.nan) for axis, (used, exact) in pairs.items()}

@@ -90,6 +90,11 @@ class Report:
         return next(iter(self.cameras.values()))
 
     @property
+    def line(self):
+        """What a point of the scene has in common in both rectified pictures: its "row" or its "column"."""
+        return self.first.plan.rectification.aligned[:-1]
+
+    @property
     def broken_pixels(self):
         """Pixels that the Verilog gave out unlike the integer model or cv2.remap; 0 unless something is broken."""
         results = [camera.result for camera in self.cameras.values()]
@@ -99,7 +104,7 @@ class Report:
         """All numbers behind the page, for JSON. Lengths in px unless named otherwise."""
         return {
             "cameras": {side: self._camera(camera) for side, camera in self.cameras.items()},
-            "row_difference": self.rows and {stage: row._asdict() for stage, row in self.rows.items()},
+            f"{self.line}_difference": self.rows and {stage: row._asdict() for stage, row in self.rows.items()},
             "stereo": self.geometry
             and {
                 "focal_length": self.geometry[0],

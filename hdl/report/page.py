@@ -32,6 +32,7 @@ def page(report: Report) -> str:
         cameras=cameras,
         plan=report.first.plan,
         headlines=headlines(report),
+        line=report.line,
         pictures=pictures(cameras),
         lines=[(index + 0.5) / LINES for index in range(LINES)],
         diagrams=diagrams(cores),
@@ -106,7 +107,7 @@ def headlines(report):
         found.append(
             (
                 f"{after.mean:.3f} px",
-                f"row difference, {before.mean:.1f} px before",
+                f"{report.line} difference, {before.mean:.1f} px before",
                 f"mean over {after.n} {'known' if report.rendered else 'matched'} points; at most {after.max:.3f} px",
             )
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdl.core.plan_file import baseline_of
+from hdl.core.plan_file import axis_of, baseline_of
 from hdl.errors import InputError
 
 # Disparities between which the default distances lie: a share of the width, and px.
@@ -29,7 +29,7 @@ class AtDistance:
     depth_mean, depth_max : float
         Magnitude of the depth error that follows, Z^2/(f B) times that of the disparity; in the calibration's unit.
     row_mean, row_max : float
-        Magnitude of the difference between the rows of matching points, px.
+        Magnitude of the difference between the rows of matching points, or the columns where these are aligned, px.
     """
 
     distance: float
@@ -61,7 +61,8 @@ def displacement(core, errors):
 
 def geometry(left, right):
     """Focal length (px), baseline (calibration's unit) and offset of the principal points (px), of two `View`s."""
-    return left.P[0, 0], baseline_of(left, right), left.P[0, 2] - right.P[0, 2]
+    axis = axis_of(left)
+    return left.P[axis, axis], baseline_of(left, right), left.P[axis, 2] - right.P[axis, 2]
 
 
 def default_distances(focal, baseline, width):
@@ -85,7 +86,8 @@ def at_distances(views, displacements, distances):
     if distances:
         return [_at_distance(views, displacements, distance) for distance in distances]
     found = []
-    for distance in default_distances(*geometry(views["left"], views["right"])[:2], views["left"].width):
+    extent = (views["left"].width, views["left"].height)[axis_of(views["left"])]
+    for distance in default_distances(*geometry(views["left"], views["right"])[:2], extent):
         with suppress(InputError):
             found.append(_at_distance(views, displacements, distance))
     return found
@@ -93,9 +95,11 @@ def at_distances(views, displacements, distances):
 
 def _at_distance(views, displacements, distance):
     focal, baseline, offset = geometry(views["left"], views["right"])
+    if axis_of(views["left"]):  # down the columns: the same with x and y exchanged
+        displacements = {side: (dy.T, dx.T) for side, (dx, dy) in displacements.items()}
     height, width = displacements["left"][0].shape
     disparity = focal * baseline / distance
-    # The right image shows the point this many columns further left, to the nearest pixel.
+    # The right image shows the point this many columns further left (or rows further up), to the nearest pixel.
     shift = round(disparity + offset)
     first, last = max(0, shift), min(width, width + shift)
     if last <= first:

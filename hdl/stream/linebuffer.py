@@ -46,7 +46,7 @@ class LineBufferParameters:
     channels: int
 
     def __post_init__(self):
-        if self.window.lead > self.height - 2:
+        if not self.window.leaves_room(self.height):
             raise ValueError(
                 f"output row 0 needs {self.window.lead + 1} source rows: more than a frame of {self.height} rows allows"
             )

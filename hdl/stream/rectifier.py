@@ -64,7 +64,7 @@ class RectifierParameters:
         return LineBufferParameters(
             width=datapath.width,
             height=datapath.height,
-            window=coordinates.window(self.border),
+            window=coordinates.window(self.border, (datapath.width, datapath.height)),
             u=u,
             v=v,
             u_range=coordinates.u_range,

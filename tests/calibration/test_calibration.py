@@ -197,8 +197,7 @@ def test_a_further_format_is_one_entry_in_the_registry(monkeypatch):
     assert load(write("other", "o.txt")).source == "opencv_samples.yml"
     assert load("o.txt").format == "other"
     assert refusal("o.txt", write(as_yaml(RIG))) == (
-        "other: o.txt; opencv: rig.yml: "
-        "files of different calibration formats; name those of one, or choose it with --format"
+        "other: o.txt; opencv: rig.yml: files of different calibration formats; name those of one"
     )
     known = "not a stereo calibration in a known format: opencv, other"
     assert refusal("o.txt", write("neither", "n.txt")) == f"n.txt: {known}"
@@ -206,9 +205,9 @@ def test_a_further_format_is_one_entry_in_the_registry(monkeypatch):
 
 def test_every_rig_is_checked_whichever_format_it_comes_from(monkeypatch):
     rig = embedded()
-    upright = replace(rig, source="o.txt", T=rig.T[[1, 0, 2]], fields={"T": ("o.txt", "baseline")})
-    monkeypatch.setattr(calibration, "FORMATS", (format_of(upright),))
-    assert refusal(write("other", "o.txt")).startswith("o.txt: baseline = [1.1481066341242334, -99.83554212595")
+    lengthwise = replace(rig, source="o.txt", T=rig.T[[2, 1, 0]], fields={"T": ("o.txt", "baseline")})
+    monkeypatch.setattr(calibration, "FORMATS", (format_of(lengthwise),))
+    assert refusal(write("other", "o.txt")).startswith("o.txt: baseline = [")
 
 
 @needs_shared_data

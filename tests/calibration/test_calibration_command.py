@@ -89,9 +89,9 @@ def test_json_is_the_rig_and_the_rows_of_its_maps(fields, command):
     views = {lens: rectify(rig, lens=lens) for lens in (True, False)}
     for side in SIDES:
         camera = rig.camera(side)
-        entry = "M1 of rig.yml" if side == "left" else "M2 of rig.yml"
         assert content[side] == {
-            "source": entry, "model": camera.model, "K": camera.K.tolist(), "D": camera.D.tolist()
+            "source": "M1 of rig.yml" if side == "left" else "M2 of rig.yml", "width": 160, "height": 120,
+            "model": camera.model, "K": camera.K.tolist(), "D": camera.D.tolist(),
         }  # fmt: skip
         view = views[True][side]
         assert content["rectification"][side] == {"R": view.R.tolist(), "P": view.P.tolist()}

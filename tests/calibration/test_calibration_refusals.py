@@ -69,8 +69,9 @@ def folder_of_its_own(tmp_path, monkeypatch):
         ({"R": "[ 1, 2 ]"}, "R = 2 values: 9 numbers are needed"),
         ({"T": (3, 1, ["0.", "0.", "0."])},
          "T = [0.0, 0.0, 0.0]: the two cameras are in one place; a stereo rig has a baseline"),
-        ({"T": (3, 1, ["-1.", "100.", "0."])}, "T = [-1.0, 100.0, 0.0]: one camera is above the other; "
-                                              "turn the images and the calibration by 90 degrees"),
+        ({"T": (3, 1, ["-1.", "0.", "100."])},
+         "T = [-1.0, 0.0, 100.0]: one camera stands behind the other, and what lies on the way from one to the other "
+         "has no disparity; stereo needs them side by side. Is it T of x_right = R x_left + T, with z along the view?"),
         ({"T": (3, 1, ["1e300", "0.", "0."])}, "T = [1e+300, 0.0, 0.0]: no length of a baseline in any unit"),
         ({"T": (3, 1, ["-1e-12", "0.", "0."])}, "T = [-1e-12, 0.0, 0.0]: no length of a baseline in any unit"),
         ({"T": (1, 2, ["-1.", "0."])}, "T = 1x2: 3 numbers in one row or column are needed"),

@@ -173,7 +173,9 @@ def test_kitti_colour_pair_keeps_the_files_rectification_and_says_that_its_rows_
     assert rig.rectification["left"][1][0, 3] == 44.85728
     differences = np.abs(row_differences(rig, rectify(rig, lens=True)))
     assert 0.3 < differences.max() < 0.4
-    assert rig.warnings[1].endswith("rows of the rectification in the file differ by up to 0.37 px, 10 baselines away")
+    assert rig.rectification_warnings[1].endswith(
+        "rows of the rectification in the file differ by up to 0.37 px, 10 baselines away"
+    )
 
 
 def test_rectification_of_the_transposed_rotation_is_left_out(rigs):

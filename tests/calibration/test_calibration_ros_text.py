@@ -87,12 +87,6 @@ class TestMessages:
     def test_bad_fields_are_named(self, change, message):
         assert refusal(write("".join(messages(None, change)))).startswith(f"rig.yml: {message}")
 
-    def test_sizes_must_agree(self):
-        texts = [message(SIZE, **LEFT), message((640, 480), **RIGHT)]
-        assert refusal(write("".join(texts))) == (
-            "rig.yml: message 2.width, height = 640x480: not the size in message 1 of rig.yml"
-        )
-
     def test_one_message_is_not_enough(self):
         one = messages()[0]
         assert refusal(write(one + one)) == ("rig.yml: 1 camera_info messages: two are needed, one of each camera")

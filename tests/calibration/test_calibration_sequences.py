@@ -141,7 +141,7 @@ class TestFaultInWhatAnOptionLeavesUnused:
     def test_is_refused_with_the_advice_that_suits_a_fisheye(self):
         four = (1, 4, ["-0.01", "0.02", "-0.003", "0.004"])
         fisheye = RIG | {"D1": four, "D2": four, "model": "equidistant", "P1": 5}
-        assert refusal(write(as_yaml(fisheye))).endswith("; --focal or --fov do without it")
+        assert refusal(write(as_yaml(fisheye))).endswith("; --fov 65 would do")
         assert rectify(load("rig.yml"), RectificationOptions(fov=80), lens=True)
 
     def test_survives_a_change_of_size(self):

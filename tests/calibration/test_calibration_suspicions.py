@@ -105,7 +105,8 @@ def test_rectification_and_t_that_lead_in_opposite_directions_are_refused():
 def test_baseline_of_p2_in_another_unit_is_warned_of():
     P2 = (3, 4, ["450.", "0.", "300.", "-45.", *RECTIFICATION["P2"][2][4:]])
     rig = load(write(as_yaml(RIG | RECTIFICATION | {"P2": P2})))
-    assert rig.warnings == ("rig.yml: P2 = [450.0, 0.0, 300.0, -45.0]: its baseline, -0.1, is not that of T, -100",)
+    message = "rig.yml: P2 = [450.0, 0.0, 300.0, -45.0]: its baseline, -0.1, is not that of T, -100"
+    assert (rig.warnings, rig.rectification_warnings) == ((), (message,))
     assert rig.rectification is not None
 
 
@@ -124,7 +125,7 @@ class TestRectificationOfTheFile:
         rig = load(write(as_yaml(RIG)))
         tilted = cv2.Rodrigues(np.array([1e-3, 0, 0]))[0] @ rig.R
         again = load(write(as_yaml(RIG | opencv_rectification(rig, tilted))))
-        (warning,) = again.warnings
+        (warning,) = again.rectification_warnings
         assert again.rectification is not None
         assert warning.startswith("rig.yml: P2 = [[")
         assert warning.endswith("rows of the rectification in the file differ by up to 0.60 px, 10 baselines away")
@@ -148,8 +149,8 @@ class TestRectificationOfTheFile:
         R1, R2 = (rig.rectification[side][0] for side in ("left", "right"))
         given = _matrix(np.linalg.inv(R2) @ cv2.Rodrigues(np.array([0, 1e-4, 0]) * 2)[0] @ R1)
         again = load(write(as_yaml(RIG | RECTIFICATION | {"R": given})))
-        assert len(again.warnings) == 1
-        assert again.warnings[0].endswith("leave the cameras turned by 0.011 degrees: disparities are off")
+        (warning,) = again.rectification_warnings
+        assert warning.endswith("leave the cameras turned by 0.011 degrees: disparities are off")
 
     def test_skew_takes_no_part_in_it(self):
         skewed = (3, 3, ["500.25", "7.", *RIG["M1"][2][2:]])

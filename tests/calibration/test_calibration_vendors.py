@@ -50,7 +50,7 @@ class TestDepthai:
         assert "four coefficients that are not zero" in refusal(write(depthai(kind=1)))
 
     @pytest.mark.parametrize("change, message", [
-        (lambda c: c["cameraData"][2][1].update(width=640), "cameraData[2].width, height = 640x800: not the size of "),
+        (lambda c: c["cameraData"][2][1].update(width=0), "cameraData[2].width, height = 0x800: an image size must "),
         (lambda c: c["cameraData"][1][1].update(cameraType=3), "cameraData[1].cameraType = 3: radial division images"),
         (lambda c: c["cameraData"][1][1].update(cameraType="x"), "cameraData[1].cameraType = x: 0 (perspective) or"),
         (lambda c: c["cameraData"][1][1].update(cameraType=True), "cameraData[1].cameraType = True: 0 (pers"),

@@ -135,7 +135,8 @@ def test_bad_configurations_are_refused(change, message):
     (("   k2:", "   k9:"), "k2: missing in mirror_parameters, distortion_parameters, projection_parameters"),
     (("PINHOLE", "MAGIC"),
      "model_type = MAGIC: the models known are PINHOLE, PINHOLE_FULL, KANNALA_BRANDT, MEI, SCARAMUZZA"),
-    (("image_width: 640", "image_width: 320"), "image_width, image_height = 320x480: not that of cam0, 640x480"),
+    (("image_width: 640", "image_width: 0"),
+     "image_width, image_height = 0x480: an image size must lie between 16 and 16384 px"),
 ])  # fmt: skip
 def test_bad_cameras_are_refused(change, message):
     path = files()

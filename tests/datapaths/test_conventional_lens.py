@@ -66,7 +66,7 @@ def vga(side, max_error=None):
 
 def worst(view, datapath):
     """The largest error over the pixels whose source is inside, px, against a map that is computed by OpenCV."""
-    error = datapath.coordinates.error(*reference.coordinate_map(view))
+    error = datapath.coordinates.error(*reference.coordinate_map(view), view.source_size)
     return max(error["u"]["max"], error["v"]["max"])
 
 
@@ -266,7 +266,8 @@ def test_large_frames_have_room(name, width, height, rows):
     # Full width, and rows from the middle, which have less to compute.
     view = views(name, width, height)["left"]
     up = np.array([[1, 0, 0], [0, 1, (rows - height) / 2], [0, 0, 1]])
-    view = replace(view, camera=replace(view.camera, K=up @ view.camera.K), P=up @ view.P, height=rows)
+    camera = replace(view.camera, K=up @ view.camera.K, size=(view.width, rows))
+    view = replace(view, camera=camera, P=up @ view.P, height=rows)
     datapath = DATAPATHS["conventional"].fit(view, 8)
     assert worst(view, datapath) <= default_budget(8)
 

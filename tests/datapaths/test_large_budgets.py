@@ -15,6 +15,6 @@ from hdl.geometry.rectification import rectify
 )
 def test_any_budget_has_its_word_lengths(name, lens, budget):
     view = rectify(calibration.embedded((64, 48)), lens=lens)["left"]
-    error = DATAPATHS[name].fit(view, 5, budget).coordinates.error(*view.map())
+    error = DATAPATHS[name].fit(view, 5, budget).coordinates.error(*view.map(), view.source_size)
     worst = max(error["u"]["max"], error["v"]["max"])
     assert worst <= (COARSEST if name in ("conventional", "accumulate") else budget)

@@ -19,7 +19,7 @@ NAMES = [name for name, datapath in DATAPATHS.items() if issubclass(datapath, Pr
 def test_a_budget_is_met(name, max_error):
     view = rigs.view("toed_in", "right", 64, 48)
     coordinates = DATAPATHS[name].fit(view, 5, max_error).coordinates
-    error = coordinates.error(*reference.coordinate_map(view))
+    error = coordinates.error(*reference.coordinate_map(view), view.source_size)
     assert max(error["u"]["max"], error["v"]["max"]) <= max_error
 
 

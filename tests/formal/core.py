@@ -47,7 +47,9 @@ class AnyDatapath(Datapath):
         def span(size):
             return -self.reach << self.fraction_bits, (size - 1 + self.reach) << self.fraction_bits
 
-        return SimpleNamespace(u_range=span(self.width), v_range=span(self.height), window=lambda border: self.window)
+        return SimpleNamespace(
+            u_range=span(self.width), v_range=span(self.height), window=lambda border, source: self.window
+        )
 
     @property
     def formats(self):

@@ -7,43 +7,57 @@ from hdl.geometry.coordinates import Border, Coordinates, Window
 CONSTANT, REPLICATE = Border("constant"), Border("replicate")
 
 
-def random_coordinates(generator, width, height, fraction_bits, reach):
-    """Coordinates up to ``reach`` px beyond each edge of the source."""
-    u = generator.integers(-reach * 2**fraction_bits, (width + reach) * 2**fraction_bits, (height, width))
-    v = generator.integers(-reach * 2**fraction_bits, (height + reach) * 2**fraction_bits, (height, width))
+def random_coordinates(generator, width, height, fraction_bits, reach, source=None):
+    """Coordinates up to ``reach`` px beyond each edge of the source, whose size is the frame's or (width, height)."""
+    u, v = (
+        generator.integers(-reach << fraction_bits, (extent + reach) << fraction_bits, (height, width))
+        for extent in source or (width, height)
+    )
     return Coordinates(u.astype(np.int32), v.astype(np.int32), fraction_bits)
 
 
-def offsets(coordinates, replicate):
-    """Source row minus output row of every tap that is read inside the source, one by one."""
-    height, width, one = coordinates.height, coordinates.width, 2**coordinates.fraction_bits
-    for y in range(height):
-        for x in range(width):
+def offsets(coordinates, source, replicate):
+    """Source row minus the one due of every tap that is read inside the source, one by one."""
+    width, height = source
+    one = 2**coordinates.fraction_bits
+    for y in range(coordinates.height):
+        due = y * height // coordinates.height
+        for x in range(coordinates.width):
             left, top = int(coordinates.u[y, x]) // one, int(coordinates.v[y, x]) // one
             for column in (left, left + 1):
                 for row in (top, top + 1):
                     if replicate:
-                        yield min(max(row, 0), height - 1) - y
+                        yield min(max(row, 0), height - 1) - due
                     elif 0 <= column < width and 0 <= row < height:
-                        yield row - y
+                        yield row - due
 
 
 @pytest.mark.parametrize("border", [CONSTANT, REPLICATE], ids=lambda border: border.mode)
-def test_window_holds_exactly_the_taps_inside_the_source(border):
+@pytest.mark.parametrize("scale", [(1, 1), (2, 1), (1, 3)], ids=str)
+def test_window_holds_exactly_the_taps_inside_the_source(border, scale):
     generator = np.random.default_rng(1)
     for width, height, bits, reach in [(7, 9, 5, 3), (8, 6, 3, 30), (5, 4, 8, 0), (6, 8, 4, 1)] * 25:
         # A few pixels only, so that single taps decide; the rest lie far outside.
-        coordinates = random_coordinates(generator, width, height, bits, reach)
+        source = width * scale[0], height * scale[1]
+        coordinates = random_coordinates(generator, width, height, bits, reach, source)
         far = generator.random((height, width)) < 0.9
         coordinates.u[far] = -100 << bits
         if border is REPLICATE:
-            coordinates.v[far] = (np.arange(height, dtype=np.int32)[:, None] * np.ones(width, np.int32))[far] << bits
-        expected = list(offsets(coordinates, border is REPLICATE))
+            due = np.arange(height, dtype=np.int32)[:, None] * scale[1]
+            coordinates.v[far] = (due * np.ones(width, np.int32))[far] << bits
+        expected = list(offsets(coordinates, source, border is REPLICATE))
         if not expected:
             with pytest.raises(InputError):
-                coordinates.window(border)
+                coordinates.window(border, source)
             continue
-        assert coordinates.window(border) == Window(min(expected), max(expected))
+        assert coordinates.window(border, source) == Window(min(expected), max(expected))
+
+
+def test_source_rows_that_are_due_follow_the_height_of_the_source():
+    """A source of five thirds of the frame's height, shown whole: each row is read a little after it is due."""
+    v = np.floor(np.arange(6) * 10 / 6)[:, None] * np.ones(4) * 32
+    shown = Coordinates(np.zeros((6, 4), np.int32), v.astype(np.int32), 5)
+    assert shown.window(CONSTANT, (4, 10)) == Window(0, 1)
 
 
 @pytest.mark.parametrize(
@@ -59,15 +73,15 @@ def test_window_of_one_pixel_at_the_edge(u, v, expected):
     shape = (8, 10)
     coordinates = Coordinates(np.full(shape, -64, np.int32), np.full(shape, -64, np.int32), 5)
     coordinates.u[1, 4], coordinates.v[1, 4] = round(u * 32), round(v * 32)
-    assert coordinates.window(CONSTANT) == expected
+    assert coordinates.window(CONSTANT, (10, 8)) == expected
 
 
 def test_window_refuses_a_map_without_a_tap_inside():
     outside = np.full((4, 6), -33, np.int32)
     with pytest.raises(InputError) as caught:
-        Coordinates(outside, outside, 5).window(CONSTANT)
+        Coordinates(outside, outside, 5).window(CONSTANT, (6, 4))
     assert str(caught.value) == "map: no output pixel has its source inside the image"
-    assert Coordinates(outside, outside, 5).window(REPLICATE) == Window(-3, 0)
+    assert Coordinates(outside, outside, 5).window(REPLICATE, (6, 4)) == Window(-3, 0)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +124,7 @@ def test_error_is_that_of_every_pixel_whose_source_is_inside(fraction_bits):
                 used = int(coordinates.u[y, x]) / one, int(coordinates.v[y, x]) / one
                 differences.append([abs(a - b) for a, b in zip(used, exact)])
                 rounded.append([abs((2 * a + 1) // 2 - (2 * b + 1) // 2) for a, b in zip(used, exact)])
-    error = coordinates.error(u, v)
+    error = coordinates.error(u, v, (12, 9))
     assert error.keys() == {"u", "v", "euclidean_max", "pixels", "rounded"}
     assert error["pixels"] == len(differences) < 12 * 9
     assert error["euclidean_max"] == pytest.approx(max((a * a + b * b) ** 0.5 for a, b in differences), rel=1e-12)
@@ -120,9 +134,15 @@ def test_error_is_that_of_every_pixel_whose_source_is_inside(fraction_bits):
             assert statistics[axis]["mean"] == pytest.approx(sum(values) / len(values), rel=1e-12)
 
 
+def test_error_counts_what_lies_inside_a_source_of_another_size():
+    exact = np.array([[4.0, 4.1, 9.0]]), np.array([[2.0, 2.0, 2.1]])
+    coordinates = Coordinates(np.array([[128, 132, 300]], np.int32), np.array([[64, 64, 64]], np.int32), 5)
+    assert [coordinates.error(*exact, source)["pixels"] for source in ((5, 3), (6, 3), (10, 4))] == [1, 2, 3]
+
+
 def test_rounded_error_rounds_halves_up_on_both_sides():
     coordinates = Coordinates(np.array([[48, 47, 112]], np.int32), np.zeros((1, 3), np.int32), 5)
-    error = coordinates.error(np.array([[1.5, 1.5, 2.0]]), np.zeros((1, 3)))
+    error = coordinates.error(np.array([[1.5, 1.5, 2.0]]), np.zeros((1, 3)), (3, 1))
     assert (error["u"]["max"], error["pixels"]) == (1.5, 3)
     assert error["rounded"]["u"] == {"mean": pytest.approx((0 + 1 + 2) / 3), "max": 2.0}
 
@@ -130,7 +150,7 @@ def test_rounded_error_rounds_halves_up_on_both_sides():
 def test_error_refuses_a_map_without_a_pixel_inside():
     coordinates = random_coordinates(np.random.default_rng(3), 5, 4, 5, 0)
     with pytest.raises(InputError) as caught:
-        coordinates.error(np.full((4, 5), -0.001), np.zeros((4, 5)))
+        coordinates.error(np.full((4, 5), -0.001), np.zeros((4, 5)), (5, 4))
     assert str(caught.value) == "map: no output pixel has its source inside the image"
 
 

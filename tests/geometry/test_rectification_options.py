@@ -275,6 +275,10 @@ def test_row_disagreement_sees_a_rectification_of_other_cameras():
         ({"fov": 180.0}, "--fov: 180.0: an angle between 0 and 180 degrees is needed"),
         ({"fov": float("nan")}, "--fov: nan: an angle between 0 and 180 degrees is needed"),
         ({"max_fov_loss": 0.6}, "--max-fov-loss: 0.6: a share from 0 to 0.5 is needed"),
+        (
+            {"max_fov_loss": 0.05},
+            "--max-fov-loss: 0.05: what --minimise rows may lose of the view; nothing is minimised without it",
+        ),
         ({"minimise": "columns"}, "--minimise: columns: rows is what can be minimised"),
         ({"alpha": 0.0, "focal": 500.0}, "--focal: 500.0: --alpha chooses the focal length already; keep one of them"),
         ({"focal": 500.0, "fov": 60.0}, "--fov: 60.0: --focal chooses the focal length already; keep one of them"),
@@ -291,8 +295,18 @@ def test_options_outside_their_range_are_refused(options, message):
     "name, options, message",
     [
         ("fisheye", {"alpha": 0.5}, "--alpha: 0.5: a lens of model equidistant has none; choose --focal or --fov"),
-        ("radtan", {"center": (160.0, 6.0)}, "--center: x = 160.0: the principal point lies outside the 160x120 frame"),
-        ("radtan", {"center": (80.0, -1.0)}, "--center: y = -1.0: the principal point lies outside the 160x120 frame"),
+        (
+            "radtan",
+            {"center": (160.0, 6.0)},
+            "--center: x = 160.0: the principal point lies outside the 160x120 frame; "
+            "--center 159,6 is the nearest inside",
+        ),
+        (
+            "radtan",
+            {"center": (80.0, -1.0)},
+            "--center: y = -1.0: the principal point lies outside the 160x120 frame; "
+            "--center 80,0 is the nearest inside",
+        ),
         ("radtan", {"focal": 2.0}, "--focal: 2.0: a focal length of 2 px suits no 160x120 frame"),
         ("radtan", {"fov": 179.0}, "--fov: 179.0: a focal length of 0.6955 px suits no 160x120 frame"),
     ],

@@ -3,6 +3,7 @@
 import base64
 import itertools
 import json
+from dataclasses import astuple, replace
 
 import cv2
 import linters
@@ -106,6 +107,21 @@ def test_a_match_is_looked_up_at_its_disparity():
     still = np.zeros((64, 96))
     (found,) = stereo.at_distances(views, {"left": (shift, still), "right": (right, still)}, [focal * baseline / 7])
     assert found.disparity_max == 0
+
+
+def test_one_above_the_other_columns_take_the_place_of_rows():
+    beside = rectify(calibration.embedded((96, 64)), lens=False)
+    exchange = np.eye(3)[[1, 0, 2]]
+    above = {
+        side: replace(view, P=exchange @ view.P @ np.eye(4)[[1, 0, 2, 3]], width=64, height=96, aligned="columns")
+        for side, view in beside.items()
+    }
+    generator = np.random.default_rng(2)
+    shifts = {side: tuple(generator.normal(0, 0.02, (2, 64, 96))) for side in beside}
+    turned = {side: (dy.T, dx.T) for side, (dx, dy) in shifts.items()}
+    assert stereo.geometry(*above.values()) == stereo.geometry(*beside.values())
+    for found, expected in zip(stereo.at_distances(above, turned, None), stereo.at_distances(beside, shifts, None)):
+        assert astuple(found) == pytest.approx(astuple(expected))
 
 
 def test_default_distances_lie_between_the_disparities_that_are_named():

@@ -135,7 +135,7 @@ def test_conventional_and_what_has_a_lens_are_measured_against_the_exact_map():
     assert all(axis == {"mean": 0, "max": 0} for axis in left["accumulate", False]["real"].values())
     for lens in (False, True):
         view = embedded_view(lens=lens)
-        plan = DATAPATHS["conventional"].fit(view, 5).coordinates.error(*view.map())
+        plan = DATAPATHS["conventional"].fit(view, 5).coordinates.error(*view.map(), view.source_size)
         assert left["conventional", lens]["real"] == {axis: plan[axis] for axis in "uv"}
         assert left["conventional", lens]["rounded"] == plan["rounded"]
         assert 0 < plan["u"]["max"] < ROUNDING

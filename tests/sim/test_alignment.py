@@ -77,6 +77,16 @@ def test_rows_are_compared_after_the_maps():
     assert abs(stats.n - shown.sum()) <= 2
 
 
+def test_columns_are_compared_where_columns_are_aligned():
+    points = {"left": np.array([[1.0, 10.0], [2.0, 20.0]]), "right": np.array([[5.0, 9.0], [7.0, 23.0]])}
+    assert row_difference(None, points, "columns") == (4.5, 5.0, 2)
+    expected = positions()
+    shifted = expected + [0.25, 3]
+    points = {"left": np.column_stack(bent(*expected.T)), "right": np.column_stack(bent(*shifted.T))}
+    stats = row_difference({"left": bent_map(), "right": bent_map()}, points, "columns")
+    assert abs(stats.mean - 0.25) < 1e-3 and abs(stats.max - 0.25) < 2e-3
+
+
 def test_no_point_in_common_is_an_error():
     far = np.full((3, 2), 1e5)
     with pytest.raises(ValueError) as caught:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.overlay import epipolar_overlay
+from sim.overlay import column_overlay, epipolar_overlay
 
 ORANGE = [0, 159, 230]
 
@@ -31,6 +31,13 @@ def test_lines_go_where_they_are_asked_for():
     picture = epipolar_overlay(image(50), image(90), lines=[0, 20, 47])
     assert lined(picture) == [0, 20, 47]
     assert (picture[1:20, :64] == 50).all()
+
+
+def test_images_with_columns_in_common_stand_one_above_the_other():
+    picture = column_overlay(image(50), image(90), lines=[0, 20, 63])
+    assert picture.shape[0] > 96 and picture.shape[1:] == (64, 3)
+    assert lined(picture.swapaxes(0, 1)) == [0, 20, 63]
+    assert (picture[:48, 1:20] == 50).all() and (picture[-48:, 1:20] == 90).all()
 
 
 def test_colours_stay_what_they_are():
