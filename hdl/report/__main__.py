@@ -87,6 +87,7 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
         raise InputError("--clock", None, clock, "must be 0.001 to 100000 MHz")
     read = [*(file for one in planned.values() for file in one.files), *images.values()]
     files.check_targets("--output", [output], read)
+    files.check_folder("--output", output.parent / "cache")
     if json_file:
         files.check_targets("--json", [json_file], [*read, output])
     with steps() as progress:
