@@ -23,6 +23,8 @@ from hdl.geometry.options import BorderType, rectification_options
 from hdl.geometry.rectification import RectificationOptions, rectify
 from hdl.tools.verilog_keywords import VERILOG_KEYWORDS, is_identifier
 
+OUTPUT = Path("build")
+
 
 def core_options(command):
     """The options of a command that builds cores, as DESIGN section 7 names them."""
@@ -129,8 +131,7 @@ def core_options(command):
             click.option(
                 "--output",
                 type=FolderType(),
-                default="build",
-                show_default=True,
+                show_default=str(OUTPUT),
                 metavar="DIR",
                 help="Where the files go.",
             ),
@@ -155,6 +156,7 @@ def generate(calibrations, size, file_format, select, lens_model, camera, as_jso
     python -m hdl.generate rig.yml --camera left --output rtl
     python -m hdl.generate rig.yml --datapath accumulate --max-error 0.05
     """
+    output = output or OUTPUT
     check_targets(camera, choices["top"], output, calibrations)
     with steps() as progress:
         progress("calibration")

@@ -15,7 +15,7 @@ from hdl.calibration.rig import SIDES
 from hdl.cli import camera_table, note, run, steps
 from hdl.core.plan_file import load_folder, stereo_rig
 from hdl.errors import InputError
-from hdl.generate import build_cores, check_targets, core_options, load_rig, write
+from hdl.generate import OUTPUT, build_cores, check_targets, core_options, load_rig, write
 from sim.compiler import compile_core
 from sim.frame import frame_through
 from sim.images import in_8_bits, read_image
@@ -37,7 +37,8 @@ PICTURES = [f"{what}_{stage}" for stage in ("source", "rectified") for what in (
     "folder",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Run the cores of both cameras that hdl.generate wrote into DIR; without CALIBRATION and its options.",
+    help="Run the cores of both cameras that hdl.generate wrote into DIR; without CALIBRATION and its options. "
+    "Pictures go there, too, unless --output says otherwise.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
 @click.pass_context
@@ -56,8 +57,7 @@ def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, l
         raise InputError("--right" if left else "--left", None, None, "give both images or neither")
     images = {"left": left, "right": right} if left else {}
     planned = _planned(ctx, folder) if folder else {}
-    if planned and ctx.get_parameter_source("output") is ParameterSource.DEFAULT:
-        output = folder
+    output = output or folder or OUTPUT
     read = (*calibrations, *images.values(), *(file for one in planned.values() for file in one.files))
     files.check_targets("--output", [output / f"{name}.png" for name in PICTURES], read)
     files.check_folder("--output", output / "cache")

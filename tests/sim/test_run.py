@@ -92,8 +92,9 @@ def test_simulation_runs_the_cores_of_a_folder_as_they_are(folder, run_command):
     assert {file.name: file.read_bytes() for file in (folder / "rtl").iterdir()} == before
     assert not (folder / "pictures/mine_left.v").exists()
     # Without --output all goes beside the cores.
+    (folder / "build").write_text("where nothing goes")
     status, out, err = run_command(simulate, "--cores rtl")
-    assert (status, err) == (0, "") and names(folder) == ["pictures", "rtl"]
+    assert (status, err) == (0, "") and names(folder) == ["build", "pictures", "rtl"]
     listed = [line.split()[-1] for line in out.splitlines() if line.endswith((".v", ".png"))]
     assert sorted(listed) == sorted(f"rtl/{name}" for name in names(folder / "rtl") if name.endswith((".v", ".png")))
     assert len(listed) == 8
