@@ -16,6 +16,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from hdl import files
 from hdl.errors import InputError, ToolError
 
 _UNWRITTEN = (errno.ENOSPC, errno.EIO, errno.EDQUOT, errno.EFBIG)
@@ -38,16 +39,43 @@ class SizeType(click.ParamType):
         return size
 
 
-class FolderType(click.Path):
-    """A folder to write to, which need not exist; raises InputError for an empty name, as an unset variable leaves."""
+class FileType(click.Path):
+    """A file to write to; raises InputError, before any work is done, where that will not be possible.
 
-    def __init__(self):
-        super().__init__(path_type=Path, file_okay=False)
+    Parameters
+    ----------
+    suffixes : sequence of str
+        The ends of names that there are, with their dots; empty: any.
+    """
+
+    def __init__(self, suffixes=()):
+        super().__init__(path_type=Path)
+        self._suffixes = suffixes
 
     def convert(self, value, param, ctx):
-        if value == "":
-            raise InputError("--output", None, None, "an empty name; . is the folder here")
-        return super().convert(value, param, ctx)
+        _refuse_empty(value, param)
+        file = super().convert(value, param, ctx)
+        files.check_targets(param.opts[0], [file], suffixes=self._suffixes)
+        return file
+
+
+class FolderType(click.Path):
+    """A folder to write to, which need not exist; raises InputError, before any work is done, where that will not be
+    possible, and for an empty name, as an unset variable leaves."""
+
+    def __init__(self):
+        super().__init__(path_type=Path)
+
+    def convert(self, value, param, ctx):
+        _refuse_empty(value, param, "; . is the folder here")
+        folder = super().convert(value, param, ctx)
+        files.check_folder(param.opts[0], folder)
+        return folder
+
+
+def _refuse_empty(value, param, instead=""):
+    if value == "":
+        raise InputError(param.opts[0], None, None, f"an empty name{instead}")
 
 
 def note(text):

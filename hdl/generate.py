@@ -14,13 +14,16 @@ from hdl.calibration.options import lens_model_option
 from hdl.calibration.rig import SIDES
 from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
 from hdl.core.build import AUTO, Options, build, refuse_other_size, refuse_whole_frames
+from hdl.core.line_memory import LineMemoryError, in_kib, refuse_early, remedy
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
 from hdl.geometry.notes import notes, warnings
 from hdl.geometry.options import BorderType, rectification_options
 from hdl.geometry.rectification import RectificationOptions, rectify
-from hdl.tools.verilog_keywords import is_identifier
+from hdl.tools.verilog_keywords import VERILOG_KEYWORDS, is_identifier
+
+OUTPUT = Path("build")
 
 
 def core_options(command):
@@ -128,8 +131,7 @@ def core_options(command):
             click.option(
                 "--output",
                 type=FolderType(),
-                default="build",
-                show_default=True,
+                show_default=str(OUTPUT),
                 metavar="DIR",
                 help="Where the files go.",
             ),
@@ -154,12 +156,14 @@ def generate(calibrations, size, file_format, select, lens_model, camera, as_jso
     python -m hdl.generate rig.yml --camera left --output rtl
     python -m hdl.generate rig.yml --datapath accumulate --max-error 0.05
     """
+    output = output or OUTPUT
+    check_targets(camera, choices["top"], output, calibrations)
     with steps() as progress:
         progress("calibration")
         sides = [camera] if camera else SIDES
         rig = load_rig(calibrations, size, file_format, select, lens_model, sides)
         cores = build_cores(camera, progress, rig, **choices)
-    write(cores, output, calibrations)
+    write(cores, output)
     if as_json:
         click.echo(json.dumps([core.plan.model_dump() for core in cores], indent=2))
         return
@@ -194,12 +198,7 @@ def build_cores(
     """
     if optimise != Options.optimise and datapath != AUTO:
         raise InputError("--optimise", None, optimise, f"decides among datapaths; {datapath} was named already")
-    sides = [camera] if camera else SIDES
-    tops = {side: top if camera and top else f"{top or 'rectify'}_{side}" for side in sides}
-    for name in tops.values():
-        if not is_identifier(name):
-            problem = "must be a Verilog identifier of up to 64 letters, digits and underscores"
-            raise InputError("--top", None, name, problem)
+    tops = top_names(camera, top)
     options = Options(
         datapath=datapath,
         max_error=max_error,
@@ -217,14 +216,40 @@ def build_cores(
     choices = RectificationOptions(**rectification)
     if choices.minimise:
         progress("rectification with the fewest rows")
-    views = rectify(rig, choices, lens=datapath in able if lens is None else lens)
+    lens = datapath in able if lens is None else lens
+    views = rectify(rig, choices, lens=lens)
     refuse_whole_frames(rig, views, choices, tops)
     for text in (*warnings(rig, views, choices), *notes(rig, choices, views)):
         note(text)
-    return [
-        build(views[side], options, name, lambda step, side=side: progress(f"{side} camera: {step}"))
-        for side, name in tops.items()
-    ]
+    try:
+        for side in tops:
+            refuse_early(views[side], options)
+        return [
+            build(views[side], options, name, lambda step, side=side: progress(f"{side} camera: {step}"))
+            for side, name in tops.items()
+        ]
+    except LineMemoryError as refusal:
+        progress("a view that needs fewer rows")
+        raise refusal.with_remedy(remedy(rig, choices, options, lens=lens)) from None
+
+
+def top_names(camera, top):
+    """{side: name of its core}; ``camera`` None for both, ``top`` None for the default. Raises InputError."""
+    tops = {side: top if camera and top else f"{top or 'rectify'}_{side}" for side in ([camera] if camera else SIDES)}
+    for name in tops.values():
+        if name in VERILOG_KEYWORDS:
+            raise InputError("--top", None, name, "is a keyword of Verilog or SystemVerilog; choose another name")
+        if not is_identifier(name):
+            problem = "must be a Verilog identifier of up to 64 letters, digits and underscores"
+            raise InputError("--top", None, name, problem)
+    return tops
+
+
+def check_targets(camera, top, directory, read):
+    """Raise InputError, before any work, where `write` will not be able to write the cores of these names, or they are
+    files that are ``read``."""
+    names = top_names(camera, top).values()
+    files.check_targets("--output", [directory / f"{name}{end}" for name in names for end in (".v", ".json")], read)
 
 
 def load_rig(paths, size, file_format, select, lens_model, sides=SIDES):
@@ -243,17 +268,12 @@ def load_rig(paths, size, file_format, select, lens_model, sides=SIDES):
     return calibration.embedded(size)
 
 
-def write(cores, directory, read=()):
-    """Write TOP.v and TOP.json of each core into ``directory``: all of them or, on an error, none.
-
-    Raises InputError for a file of that name that is a folder, or one of those that were ``read``.
-    """
+def write(cores, directory):
+    """Write TOP.v and TOP.json of each core into ``directory``: all of them or, on an error, none."""
     contents = {}
     for core in cores:
         contents[directory / f"{core.plan.top}.v"] = core.verilog
         contents[directory / f"{core.plan.top}.json"] = core.plan.to_json()
-    files.refuse_overwriting("--output", contents, read)
-    directory.mkdir(parents=True, exist_ok=True)
     files.write(contents)
 
 
@@ -299,7 +319,7 @@ def summary(cores, directory):
             (
                 "line buffer",
                 [
-                    f"{plan.line_buffer.rows} rows, {core.parameters.line_buffer.bits / 8192:.0f} KiB"
+                    f"{plan.line_buffer.rows} rows, {in_kib(core.parameters.line_buffer.bits / 8192)} KiB"
                     for core, plan in zip(cores, plans)
                 ],
             ),

@@ -11,17 +11,13 @@ from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.geometry.coordinates import Border
 from hdl.geometry.rectification import rectify
+from sim.alignment import in_px
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
 
 FRACTION_BITS = Options.fraction_bits
 REFERENCE = "conventional"  # what the paper measures against
 PIXEL_BITS = 16
-
-
-def in_px(coordinates):
-    """(u, v) of `Coordinates`, px, float64."""
-    return tuple(axis * 2.0**-coordinates.fraction_bits for axis in (coordinates.u, coordinates.v))
 
 
 def errors(used, reference, counted):

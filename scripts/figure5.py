@@ -15,18 +15,18 @@ import rich_click as click
 
 from hdl import calibration
 from hdl.calibration import SIDES, Rig
-from hdl.cli import run, steps
+from hdl.cli import FolderType, run, steps
 from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.geometry.rectification import rectify
 from scripts import reference_rigs
 from scripts.compiled_cores import Cores
-from scripts.coordinate_errors import in_px
 from scripts.figure5_drawing import Row, draw
-from scripts.row_difference import corners, features, read
+from scripts.row_difference import read
 from scripts.tables import json_option, show, write_json
-from sim.alignment import rectified_positions
-from sim.run import KNOWN_POINTS, frame_through
+from sim.alignment import in_px, rectified_positions
+from sim.frame import frame_through
+from sim.rows import KNOWN_POINTS, Withheld, find
 from sim.scene import render, visible_points
 
 PAPERS = ("conventional", "proposed")
@@ -49,11 +49,9 @@ class Pair:
         Whether the images were taken through the lens.
     images : {side: (height, width) uint8}
     points : {side: (n, 2)}
-        Source positions of points that both images show, px.
-    board : (int, int) or None
-        Inner corners of the chessboard in real images, in which points are looked for again after rectification; the
-        true points of a rendered scene are followed through the cores' coordinates instead.
-    real : bool
+        Source positions of points that both images show, px; followed through the cores' coordinates.
+    points_by : str
+        How they are known.
     """
 
     name: str
@@ -62,8 +60,7 @@ class Pair:
     lens: bool
     images: dict[str, np.ndarray]
     points: dict[str, np.ndarray]
-    board: tuple[int, int] | None = None
-    real: bool = False
+    points_by: str = "truth"
 
 
 @click.command()
@@ -79,7 +76,7 @@ class Pair:
 @reference_rigs.data_option
 @click.option(
     "--output",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FolderType(),
     default=Path("build/figure5"),
     show_default=True,
     metavar="DIR",
@@ -135,26 +132,26 @@ def pairs(names, data, progress):
         )
     for name in names:
         rig, real = reference_rigs.load(name, data), reference_rigs.IMAGES[name]
-        images = {side: read(data / file) for side, file in zip(SIDES, real.images[0])}
+        images = {side: read(data / file) for side, file in zip(SIDES, real[0])}
+        points_by, points = found_points(images, rig)
         yield Pair(
             "".join(letter if letter.isalnum() else "_" for letter in name.lower()),
             f"{name}, a real pair, {rig.width}x{rig.height}",
             rig,
             True,
             images,
-            found_points(images, real.board, rig.source),
-            real.board,
-            real=True,
+            points,
+            points_by,
         )
 
 
-def found_points(images, board, source):
-    """Positions of the chessboard's corners, or of matched features, in both images; raises InputError if none are
-    found."""
-    found = corners(*images.values(), board) if board else features(*images.values())
-    if found is None:
-        raise InputError(source, "images", None, "no point is seen in both images of the pair")
-    return dict(zip(SIDES, found))
+def found_points(images, rig):
+    """What points of real images are, and where both show them; raises InputError where they cannot be relied on."""
+    try:
+        kind, *found = find(images, rectify(rig, lens=True))
+    except Withheld as reason:
+        raise InputError(rig.source, "images", None, str(reason)) from None
+    return kind, dict(zip(SIDES, found))
 
 
 def rows_of(pair, cores, broken):
@@ -193,14 +190,7 @@ def row_of(pair, label, images, maps, off, group=(), lens=None):
         side: pair.points[side] if maps is None else rectified_positions(*maps[side], pair.points[side])
         for side in SIDES
     }
-    if pair.real and maps is not None:
-        try:
-            seen, found_by = found_points(images, pair.board, pair.name), "chessboard" if pair.board else "SIFT"
-        except InputError:
-            seen, found_by = {side: np.full((1, 2), np.nan) for side in SIDES}, "nothing"
-    else:
-        seen, found_by = followed, "chessboard" if pair.board else "SIFT" if pair.real else "truth"
-    difference = np.abs(seen["left"][:, 1] - seen["right"][:, 1])
+    difference = np.abs(followed["left"][:, 1] - followed["right"][:, 1])
     difference = difference[~np.isnan(difference)]
     coordinates = off and np.concatenate([error[~np.isnan(error)] for error in off.values()])
     return Row(
@@ -212,7 +202,7 @@ def row_of(pair, label, images, maps, off, group=(), lens=None):
             "row": label,
             "datapaths": list(group),
             "lens": lens,
-            "points_by": found_by,
+            "points_by": pair.points_by,
             "points": difference.size,
             "row_difference": _statistics(difference),
             "coordinate_error": _statistics(coordinates) if off else None,

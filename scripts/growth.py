@@ -1,6 +1,7 @@
 """``python -m scripts.growth``: what a core takes as the frame grows to 3840x2160, next to the memory of a table."""
 
 import dataclasses
+import io
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -9,8 +10,8 @@ import matplotlib
 import rich_click as click
 from matplotlib.figure import Figure
 
-from hdl import calibration
-from hdl.cli import run, steps
+from hdl import calibration, files
+from hdl.cli import FileType, run, steps
 from hdl.core.build import Options, build
 from hdl.datapaths.table import Table
 from hdl.geometry.rectification import rectify
@@ -19,6 +20,7 @@ from scripts.tables import cache_option, json_option, show, write_json
 
 SIZES = ((320, 240), (640, 480), (1280, 960), (1920, 1440), (3840, 2160))
 CORES = (("proposed", False), ("spline", True))
+PLOTS = (".svg", ".png", ".pdf", ".eps", ".ps")
 HEADINGS = ("core", "frame", "FF", "LUT", "line buffer, RAMB18", "coordinates, RAMB18", "latency", "error, px")
 
 
@@ -26,7 +28,7 @@ HEADINGS = ("core", "frame", "FF", "LUT", "line buffer, RAMB18", "coordinates, R
 @json_option
 @click.option(
     "--plot",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FileType(PLOTS),
     default=Path("build/growth.svg"),
     show_default=True,
     help="Where the plot goes; the name's end says in which format.",
@@ -144,10 +146,11 @@ def draw(rows, file):
         panel.set(title=title, xlabel="pixels of a frame", xscale="log", yscale="log")
         panel.grid(True, which="both", alpha=0.3)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    file.parent.mkdir(parents=True, exist_ok=True)
+    form, plot = file.suffix[1:].lower(), io.BytesIO()
     # The same bytes on every run.
     with matplotlib.rc_context({"svg.hashsalt": "growth"}):
-        figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None)
+        figure.savefig(plot, format=form, metadata={"Date": None} if form == "svg" else None)
+    files.write({file: plot.getvalue()})
 
 
 if __name__ == "__main__":

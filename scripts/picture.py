@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import rich_click as click
 
-from hdl import calibration
-from hdl.cli import run, steps
+from hdl import calibration, files
+from hdl.cli import FileType, run, steps
 from hdl.core.build import Options, build
 from hdl.geometry.rectification import rectify
 from sim.compiler import compile_core
+from sim.frame import frame_through
 from sim.overlay import epipolar_overlay
-from sim.run import frame_through
 from sim.scene import render
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "rectified.jpg"
@@ -21,7 +21,7 @@ QUALITY = 88  # of the JPEG
 
 
 @click.command()
-@click.option("--output", type=click.Path(path_type=Path, dir_okay=False), default=PICTURE, help="Where it goes.")
+@click.option("--output", type=FileType((".jpg", ".jpeg")), default=PICTURE, help="Where it goes.")
 def picture(output):
     """Draw the example rig's frames before and after the cores, the lens included, with epipolar lines."""
     with steps() as progress:
@@ -36,9 +36,7 @@ def picture(output):
     stacked = np.vstack([rows[0], np.full((8, rows[0].shape[1], 3), 255, np.uint8), rows[1]])
     height = round(stacked.shape[0] * WIDTH / stacked.shape[1])
     small = cv2.resize(stacked, (WIDTH, height), interpolation=cv2.INTER_AREA)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(output), small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY]):
-        raise OSError(f"{output}: cannot be written")
+    files.write({output: cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()})
     click.echo(output)
 
 

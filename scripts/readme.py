@@ -4,6 +4,8 @@ import math
 import re
 from pathlib import Path
 
+from hdl import files
+
 # Fits end in other last digits on another processor, and synthesis packs a look-up table more or less after harmless
 # changes; what is really another core differs by more.
 SAME = 0.02
@@ -39,6 +41,11 @@ def _split(text):
     return _NUMBER.split(text), [float(number) for number in _NUMBER.findall(text)]
 
 
+def check_writable():
+    """Raise InputError, before what is to be written is measured, where the README cannot be."""
+    files.check_targets("--readme", [README])
+
+
 def update(name, text):
     """Write ``text`` into the README's part ``name``."""
-    README.write_text(replaced(name, text), encoding="utf-8")
+    files.write({README: replaced(name, text)})

@@ -1,6 +1,5 @@
 """The calibrations of real rigs, and images of theirs, that lie beside the project in ``../shared/data/rigs``."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import rich_click as click
@@ -37,21 +36,14 @@ CALIBRATIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """Image pairs of a rig: (left, right) files, and the inner corners of the chessboard in them, if there is one."""
-
-    images: list[tuple[str, str]]
-    board: tuple[int, int] | None = None
-
-
+# Image pairs of a rig: (left, right) files.
 IMAGES = {
-    "OpenCV samples": Pairs(
-        [(f"opencv_samples/left{i:02}.jpg", f"opencv_samples/right{i:02}.jpg") for i in range(1, 15) if i != 10], (9, 6)
-    ),
-    "MRPT": Pairs([(f"mrpt_stereo/{i}_left.jpg", f"mrpt_stereo/{i}_right.jpg") for i in range(4)], (9, 6)),
-    "MYNT S JPL": Pairs([("mynteye_s_jpl/left_fisheye_img_0.png", "mynteye_s_jpl/right_fisheye_img_0.png")]),
-    "EuRoC": Pairs([("euroc/left_img_0.png", "euroc/right_img_0.png")]),
+    "OpenCV samples": [
+        (f"opencv_samples/left{i:02}.jpg", f"opencv_samples/right{i:02}.jpg") for i in range(1, 15) if i != 10
+    ],
+    "MRPT": [(f"mrpt_stereo/{i}_left.jpg", f"mrpt_stereo/{i}_right.jpg") for i in range(4)],
+    "MYNT S JPL": [("mynteye_s_jpl/left_fisheye_img_0.png", "mynteye_s_jpl/right_fisheye_img_0.png")],
+    "EuRoC": [("euroc/left_img_0.png", "euroc/right_img_0.png")],
 }
 
 

@@ -71,6 +71,8 @@ def resources(size, names, json_file, update, check, cache):
         raise InputError("--datapath", None, ", ".join(names), "the README's tables have all of them")
     if (update or check) and size != SIZE:
         raise InputError("--size", None, f"{size[0]}x{size[1]}", f"the README's tables are of {SIZE[0]}x{SIZE[1]}")
+    if update:
+        readme.check_writable()
     with steps() as progress:
         rows, refusals = measure(size, names or DATAPATHS, cache, progress)
     write_json(json_file, rows)

@@ -58,6 +58,8 @@ def table1(names, data, json_file, update, check):
         raise click.UsageError(f"the README's table is of the {EMBEDDED} rig: leave out --rig")
     if set(names) - {EMBEDDED}:
         reference_rigs.check(data)
+    if update:
+        readme.check_writable()
     others = tuple(reference_rigs.CALIBRATIONS) if data.is_dir() and not for_readme else ()
     rows, refusals = [], []
     with steps() as progress:

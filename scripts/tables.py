@@ -8,20 +8,21 @@ from rich.console import Console
 from rich.table import Table
 
 from hdl import files
+from hdl.cli import FileType, FolderType
 
 WIDTH = 160  # columns, where there is no terminal that has its own
 
 json_option = click.option(
     "--json",
     "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FileType(),
     metavar="FILE",
     help="Write the rows to FILE.",
 )
 
 cache_option = click.option(
     "--cache",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FolderType(),
     default=Path("build/cache"),
     show_default=True,
     help="Where results of synthesis are kept.",
@@ -31,7 +32,6 @@ cache_option = click.option(
 def write_json(file, rows):
     """Write ``rows`` to ``file``, unless it is None."""
     if file:
-        file.parent.mkdir(parents=True, exist_ok=True)
         files.write({file: json.dumps(rows, indent=2, allow_nan=False) + "\n"})
 
 

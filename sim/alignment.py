@@ -14,15 +14,40 @@ class RowDifference(NamedTuple):
 
     Members
     -------
-    mean, max : float
+    mean, median, percentile_95, max : float
         Of its magnitude, px.
+    signed_mean : float
+        Left less right, px.
     n : int
         Points that both images show.
     """
 
     mean: float
+    median: float
+    percentile_95: float
     max: float
+    signed_mean: float
     n: int
+
+    @classmethod
+    def of(cls, differences):
+        """Of these differences, left less right, px; ValueError where there are none."""
+        if not len(differences):
+            raise ValueError("points: none is shown in both images")
+        magnitude = np.abs(differences)
+        return cls(
+            float(magnitude.mean()),
+            float(np.median(magnitude)),
+            float(np.percentile(magnitude, 95)),
+            float(magnitude.max()),
+            float(np.mean(differences)),
+            len(magnitude),
+        )
+
+
+def in_px(coordinates):
+    """(u, v) of `hdl.geometry.coordinates.Coordinates`, px, float64."""
+    return tuple(axis * 2.0**-coordinates.fraction_bits for axis in (coordinates.u, coordinates.v))
 
 
 def rectified_positions(map_u, map_v, points):
@@ -83,11 +108,8 @@ def row_difference(maps, points, aligned="rows"):
         np.asarray(points[side])[:, axis] if maps is None else rectified_positions(*maps[side], points[side])[:, axis]
         for side in ("left", "right")
     ]
-    difference = np.abs(rows[0] - rows[1])
-    difference = difference[~np.isnan(difference)]
-    if not difference.size:
-        raise ValueError("points: none is shown in both images")
-    return RowDifference(float(difference.mean()), float(difference.max()), difference.size)
+    difference = rows[0] - rows[1]
+    return RowDifference.of(difference[~np.isnan(difference)])
 
 
 def _nearest(maps, points):

@@ -3,11 +3,9 @@
 import json
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import numpy as np
 import rich_click as click
 from click.core import ParameterSource
 from rich.console import Console
@@ -17,51 +15,15 @@ from hdl.calibration.rig import SIDES
 from hdl.cli import camera_table, note, run, steps
 from hdl.core.plan_file import load_folder, stereo_rig
 from hdl.errors import InputError
-from hdl.generate import build_cores, core_options, load_rig, write
-from sim import matching
-from sim.alignment import row_difference
-from sim.beats import to_beats, to_frames
+from hdl.generate import OUTPUT, build_cores, check_targets, core_options, load_rig, write
 from sim.compiler import compile_core
+from sim.frame import frame_through
+from sim.images import in_8_bits, read_image
 from sim.overlay import column_overlay, epipolar_overlay
-from sim.remap import cv2_remap, remap
-from sim.scene import render, visible_points
+from sim.rows import rows_of_frames
+from sim.scene import render
 
-KNOWN_POINTS = 4000
-SUSPICIOUS = 1.0  # px between the rows of matched points after rectification; good calibrations leave a quarter of it
 PICTURES = [f"{what}_{stage}" for stage in ("source", "rectified") for what in (*SIDES, "epipolar")]
-# libjpeg fills up with gray what is missing of an image. Some programs write a little behind the end.
-JPEG_START, JPEG_END, JPEG_TAIL = b"\xff\xd8", b"\xff\xd9", 4096
-
-
-@dataclass(frozen=True)
-class Result:
-    """One camera's frame through its core.
-
-    Members
-    -------
-    core : hdl.core.build.Core
-    source, rectified : (H, W) or (H, W, 3)
-        What went in and what the hardware gave out.
-    model_differences : int
-        Pixels that differ from the integer model's; 0 unless something is broken.
-    cv2_differences : int or None
-        Pixels that differ from cv2.remap's with the same fixed-point coordinates; None where OpenCV has no such
-        arithmetic (pixels of more than 8 bits, other than 5 fraction bits).
-    exact_difference : float
-        Mean gray-level difference from the map in float64, in steps of the pixel's own scale.
-    seconds, cycles, compile_seconds
-        The frame's run, and making the simulator.
-    """
-
-    core: object
-    source: np.ndarray
-    rectified: np.ndarray
-    model_differences: int
-    cv2_differences: int | None
-    exact_difference: float
-    seconds: float
-    cycles: int
-    compile_seconds: float
 
 
 @click.command()
@@ -75,7 +37,8 @@ class Result:
     "folder",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Run the cores of both cameras that hdl.generate wrote into DIR; without CALIBRATION and its options.",
+    help="Run the cores of both cameras that hdl.generate wrote into DIR; without CALIBRATION and its options. "
+    "Pictures go there, too, unless --output says otherwise.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON instead of tables.")
 @click.pass_context
@@ -94,8 +57,12 @@ def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, l
         raise InputError("--right" if left else "--left", None, None, "give both images or neither")
     images = {"left": left, "right": right} if left else {}
     planned = _planned(ctx, folder) if folder else {}
+    output = output or folder or OUTPUT
     read = (*calibrations, *images.values(), *(file for one in planned.values() for file in one.files))
-    files.refuse_overwriting("--output", [output / f"{name}.png" for name in PICTURES], read)
+    files.check_targets("--output", [output / f"{name}.png" for name in PICTURES], read)
+    files.check_folder("--output", output / "cache")
+    if not planned:
+        check_targets(None, choices["top"], output, read)
     with steps() as progress:
         progress("calibration")
         rig = stereo_rig(planned) if planned else load_rig(calibrations, size, file_format, select, lens_model)
@@ -103,7 +70,10 @@ def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, l
         pixel_bits, channels = (
             getattr(plan, name) if plan else int(choices[name]) for name in ("pixel_bits", "channels")
         )
-        sources = {side: read_image(file, rig, pixel_bits, channels) for side, file in images.items()}
+        sources = {
+            side: read_image(file, (rig.width, rig.height), pixel_bits, channels, built=bool(planned))
+            for side, file in images.items()
+        }
         if planned:
             cores = {side: one.rebuild(progress) for side, one in planned.items()}
         else:
@@ -113,28 +83,23 @@ def simulate(ctx, calibrations, size, file_format, select, lens_model, folder, l
             sources = render(rig, cores["left"].plan.lens, bits=pixel_bits, channels=channels)
         if not planned:
             _note_replaced(cores, output)
-            write(cores.values(), output, read)
+            write(cores.values(), output)
         progress("compiling the Verilog for simulation")
         with ThreadPoolExecutor() as pool:
             compiled = dict(zip(SIDES, pool.map(lambda core: _compile(core, output / "cache"), cores.values())))
         progress("running the frames")
         results = {side: frame_through(cores[side], *compiled[side], sources[side]) for side in SIDES}
         progress("row differences and pictures")
-        rows = matched_rows(results) if left else known_rows(rig, results)
+        found = rows_of_frames(results, None if left else rig)
         pictures = write_pictures(results, output)
-    if left and rows and rows["after"].mean > SUSPICIOUS:
-        mean = rows["after"].mean
-        note(
-            f"{left}, {right}: {_aligned(results)} of matched points still differ by {mean:.1f} px on average; "
-            "is the calibration of these cameras, and left the left one?"
-        )
-
-    broken = sum(result.model_differences + (result.cv2_differences or 0) for result in results.values())
+    verilog = {side: (folder or output) / f"{core.plan.top}.v" for side, core in cores.items()}
+    if left and found.suspicious:
+        note(f"{left}, {right}: {found.suspicious}")
     if as_json:
-        click.echo(json.dumps(as_dict(results, rows, pictures), indent=2))
+        click.echo(json.dumps(as_dict(results, found, verilog, pictures), indent=2))
     else:
-        _print(results, rows, "matched" if left else "known", pictures)
-    return 1 if broken else 0
+        _print(results, found, verilog, pictures)
+    return 1 if any(result.broken for result in results.values()) else 0
 
 
 def _planned(ctx, folder):
@@ -159,137 +124,30 @@ def _note_replaced(cores, output):
             note(f"{file}: replaced, and its Verilog; --cores {output} runs the cores that are there")
 
 
-def read_image(file, frame, pixel_bits, channels):
-    """An image as a source frame; raises InputError where it is none.
-
-    Gray cores take colour images as gray. Images of 8 bits are scaled up for cores of more.
-
-    Parameters
-    ----------
-    file : Path
-    frame : Rig or Plan
-        It has the ``width`` and ``height`` that the image must have, px.
-    pixel_bits, channels : int
-    """
-    try:
-        image = cv2.imread(str(file), cv2.IMREAD_COLOR if channels == 3 else cv2.IMREAD_ANYDEPTH)
-    except cv2.error as error:
-        raise InputError(file, None, None, f"OpenCV refuses this image: {error.err}") from None
-    if image is None:
-        raise InputError(file, None, None, "is not an image that OpenCV can read")
-    data = file.read_bytes()
-    if data.startswith(JPEG_START) and JPEG_END not in data[-JPEG_TAIL:]:
-        raise InputError(file, None, None, "ends in the middle of the image")
-    height, width = image.shape[:2]
-    if (width, height) != (frame.width, frame.height):
-        raise InputError(
-            file,
-            "size",
-            f"{width}x{height}",
-            f"the cores take {frame.width}x{frame.height}"
-            + (
-                f"; --size {width}x{height} scales the calibration"
-                if width * frame.height == height * frame.width
-                else ""
-            ),
-        )
-    if image.dtype == np.uint8:
-        return image if pixel_bits == 8 else image.astype(np.uint16) << (pixel_bits - 8)
-    if image.dtype != np.uint16:
-        raise InputError(file, "pixels", image.dtype, "8 or 16 bits without a sign are needed")
-    if int(image.max()) >> pixel_bits:
-        raise InputError(file, "pixels", f"up to {image.max()}", f"do not fit {pixel_bits} bits; see --pixel-bits")
-    return image
-
-
 def _compile(core, cache):
     start = time.perf_counter()
     return compile_core(core.verilog, core.plan.top, cache=cache), time.perf_counter() - start
 
 
-def frame_through(core, compiled, compile_seconds, source):
-    """Run one frame through a compiled core and compare; returns a `Result`."""
-    plan, coordinates = core.plan, core.parameters.datapath.coordinates
-    start = time.perf_counter()
-    stream = compiled.run(to_beats(source, channels=plan.channels, pixel_bits=plan.pixel_bits))
-    (rectified,) = to_frames(stream.beats, plan.width, plan.height, channels=plan.channels, pixel_bits=plan.pixel_bits)
-    seconds = time.perf_counter() - start
-    border = (plan.border.mode, plan.border.value)
-    model = remap(source, coordinates.u, coordinates.v, plan.fraction_bits, *border)
-    same_in_cv2 = plan.pixel_bits == 8 and plan.fraction_bits == 5
-    cv2_pixels = cv2_remap(source, coordinates.u, coordinates.v, *border) if same_in_cv2 else None
-    exact = cv2.remap(
-        source,
-        *(axis.astype(np.float32) for axis in core.exact),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE if border[0] == "replicate" else cv2.BORDER_CONSTANT,
-        borderValue=[border[1]] * 3,
-    )
-    return Result(
-        core,
-        source,
-        rectified,
-        _different_pixels(rectified, model),
-        None if cv2_pixels is None else _different_pixels(rectified, cv2_pixels),
-        float(np.abs(rectified.astype(float) - exact).mean()),
-        seconds,
-        stream.cycles,
-        compile_seconds,
-    )
-
-
-def _different_pixels(a, b):
-    different = a != b
-    return int(np.count_nonzero(different.any(axis=-1) if different.ndim == 3 else different))
-
-
-def known_rows(rig, results):
-    """True row differences of points of the rendered scene, before and after the hardware: two `RowDifference`."""
-    _, points = visible_points(rig, results["left"].core.plan.lens, KNOWN_POINTS)
-    maps = {}
-    for side, result in results.items():
-        coordinates = result.core.parameters.datapath.coordinates
-        maps[side] = (coordinates.u * 2.0**-coordinates.fraction_bits, coordinates.v * 2.0**-coordinates.fraction_bits)
-    aligned = _aligned(results)
-    return {"before": row_difference(None, points, aligned), "after": row_difference(maps, points, aligned)}
-
-
-def matched_rows(results):
-    """Row differences of points that both cameras' images show, before and after the hardware: two `RowDifference`, or
-    None where too few points are found."""
-    plan = results["left"].core.plan
-    pairs = {
-        when: [(getattr(results[side], stage) >> (plan.pixel_bits - 8)).astype(np.uint8) for side in SIDES]
-        for when, stage in (("before", "source"), ("after", "rectified"))
-    }
-    rows = {when: matching.matched_rows(*pair, _aligned(results)) for when, pair in pairs.items()}
-    return rows if all(rows.values()) else None
-
-
-def _aligned(results):
-    """What the two cores align: "rows", or "columns" of cameras that stand one above the other."""
-    return results["left"].core.plan.rectification.aligned
-
-
 def write_pictures(results, directory):
     """Write the source and the rectified images and the epipolar overlays; returns their paths by name."""
-    images = {}
+    images, bits = {}, results["left"].core.plan.pixel_bits
     for stage in ("source", "rectified"):
         pair = [getattr(results[side], stage) for side in SIDES]
         images.update({f"{side}_{stage}": image for side, image in zip(SIDES, pair)})
-        plan = results["left"].core.plan
-        overlay = epipolar_overlay if _aligned(results) == "rows" else column_overlay
-        images[f"epipolar_{stage}"] = overlay(*((image >> (plan.pixel_bits - 8)).astype(np.uint8) for image in pair))
+        overlay = epipolar_overlay if results["left"].core.plan.rectification.aligned == "rows" else column_overlay
+        images[f"epipolar_{stage}"] = overlay(*(in_8_bits(image, bits) for image in pair))
     paths = {name: directory / f"{name}.png" for name in PICTURES}
     files.write({paths[name]: cv2.imencode(".png", image)[1].tobytes() for name, image in images.items()})
     return paths
 
 
-def as_dict(results, rows, pictures):
+def as_dict(results, found, verilog, pictures):
     """The results for machines."""
     return {
         "cameras": {
             side: {
+                "verilog": str(verilog[side]),
                 "plan": result.core.plan.model_dump(),
                 "pixels_different_from_model": result.model_differences,
                 "pixels_different_from_cv2_remap": result.cv2_differences,
@@ -300,12 +158,12 @@ def as_dict(results, rows, pictures):
             }
             for side, result in results.items()
         },
-        f"{_aligned(results)[:-1]}_difference": rows and {stage: row._asdict() for stage, row in rows.items()},
+        **found.as_dict(),
         "pictures": {name: str(path) for name, path in pictures.items()},
     }
 
 
-def _print(results, rows, points, pictures):
+def _print(results, found, verilog, pictures):
     console = Console(highlight=False)
     plan = results["left"].core.plan
     total = plan.width * plan.height
@@ -331,18 +189,11 @@ def _print(results, rows, points, pictures):
             [(name, [text(results[side]) for side in SIDES]) for name, text in rows_of_table],
         )
     )
-    if rows:
-        before, after = rows["before"], rows["after"]
-        console.print(
-            f"{_aligned(results).capitalize()} of {after.n} {points} points in the left and right image differ by "
-            f"{before.mean:.2f} px on average (at most {before.max:.2f}) before, {after.mean:.3f} px (at most "
-            f"{after.max:.3f}) after."
-        )
-    for side in SIDES:
-        core = results[side].core
-        console.print(f"{side + ' Verilog':>18}  {pictures['left_source'].with_name(core.plan.top + '.v')}")
+    console.print(found.sentence())
+    for side, path in verilog.items():
+        console.print(f"{side + ' Verilog':>18}  {path}", markup=False)
     for name, path in pictures.items():
-        console.print(f"{name.replace('_', ' '):>18}  {path}")
+        console.print(f"{name.replace('_', ' '):>18}  {path}", markup=False)
 
 
 if __name__ == "__main__":

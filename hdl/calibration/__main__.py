@@ -13,11 +13,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hdl import calibration
+from hdl import calibration, files
 from hdl.calibration import SIDES, Camera, Rig, convert
 from hdl.calibration.options import lens_model_option
-from hdl.cli import SizeType, camera_table, run
-from hdl.errors import InputError
+from hdl.cli import FileType, SizeType, camera_table, run
 from hdl.geometry.notes import notes, row_disagreement, warnings
 from hdl.geometry.options import rectification_options
 from hdl.geometry.rectification import RectificationOptions, View, rectify
@@ -25,7 +24,7 @@ from hdl.lens import LENS_MODELS
 
 
 @click.command("calibration")
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
+@click.argument("read", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="FILE...")
 @click.option(
     "--format",
     type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
@@ -51,12 +50,12 @@ from hdl.lens import LENS_MODELS
 @click.option(
     "--convert",
     "target",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FileType(convert.SUFFIXES),
     metavar="OUT.yml",
     help="Write the calibration to OUT.yml in OpenCV's format; the rectification too if the file has one or "
     "an option chooses one. Lenses that OpenCV does not know are written so that this program reads them again.",
 )
-def describe(files, format, select, lens_model, size, as_json, target, **choices):
+def describe(read, format, select, lens_model, size, as_json, target, **choices):
     """Show what was understood of a calibration: cameras, lenses, baseline, rectification, rows of line buffer.
 
     FILE is what your calibration tool wrote; several files if it takes them to describe one pair of cameras.
@@ -67,12 +66,13 @@ def describe(files, format, select, lens_model, size, as_json, target, **choices
     python -m hdl.calibration left.yaml right.yaml --minimise rows --convert rig.yml
     """
     options = RectificationOptions(**choices)
-    rig = calibration.load(*files, size=size, format=format, select=select, lens_model=lens_model)
+    if target:
+        below = (path for folder in read if folder.is_dir() for path in folder.iterdir() if path.is_dir())
+        files.check_targets("--convert", [target], [*read, *below])
+    rig = calibration.load(*read, size=size, format=format, select=select, lens_model=lens_model)
     description = Description(rig, options)
     content = description.as_json()  # before anything is written: it refuses what cannot be rectified
     if target:
-        if any(file.resolve() in (target.resolve(), *target.resolve().parents) for file in files) and target.exists():
-            raise InputError("--convert", None, target, "this is part of what is read; choose another name")
         chosen = {side: (view.R, view.P) for side, view in description.views.items()}
         convert.write(target, convert.to_opencv(rig, chosen if rig.rectification or options.given else None))
     if as_json:

@@ -61,12 +61,7 @@ def to_opencv(rig: Rig, rectification: dict | None = None) -> str:
 
 
 def write(path: Path, text: str) -> None:
-    """Put ``text`` at ``path``, whole or not at all.
-
-    Raises InputError for a name that does not end in .yml or .yaml, and OSError where it cannot be written.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError("--convert", None, path, f"the name must end in {' or '.join(SUFFIXES)}")
+    """Put ``text`` at ``path``, whole or not at all; raises OSError where it cannot be written."""
     files.write({path: text})
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from hdl.arithmetic.cost import GOALS
 from hdl.calibration.rig import SIDES, STRETCH, Rig, stretch
+from hdl.core.line_memory import LineMemoryError, refuse_early
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.core.versions import versions
 from hdl.datapaths import DATAPATHS
@@ -127,11 +128,13 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
     Raises
     ------
     InputError
-        Where the budget, the line memory or the frame size cannot be met, and for `refuse_other_size`.
+        Where the budget, the line memory or the frame size cannot be met; a `LineMemoryError` before the datapath is
+        fitted, where the map alone tells; and for `refuse_other_size`.
     """
     refuse_other_size(view.fault, view.side, view.source_size, (view.width, view.height))
     progress("exact map")
     exact = view.map()
+    refuse_early(view, options)
     considered: list[Considered] = []
     if options.datapath == AUTO:
         considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress, options.dsp)
@@ -158,14 +161,9 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
         raise
     except ValueError as problem:  # the map asks for a whole frame
         raise view.fault(*view.geometry, str(problem)) from problem
-    kib = line_buffer.bits / 8 / 1024
+    kib = line_buffer.bits / 8192
     if kib > options.max_line_buffer_kib:
-        raise InputError(
-            "--max-line-buffer-kib",
-            None,
-            options.max_line_buffer_kib,
-            f"the {view.side} camera's map bends rows so far that {line_buffer.rows} rows are needed, {kib:.0f} KiB",
-        )
+        raise LineMemoryError(view.side, line_buffer.rows, kib, options.max_line_buffer_kib)
     progress("Verilog")
     text = verilog.convert(Rectifier(parameters), top, header=_header(top, view, datapath, options))
     plan = Plan.sealed(

@@ -53,20 +53,7 @@ class PlannedCore:
     @property
     def view(self):
         """The `View` that the plan states."""
-        camera, size = self.plan.camera, (self.plan.source.width, self.plan.source.height)
-        return View(
-            camera.side,
-            Camera(camera.model, np.array(camera.K), np.array(camera.D), size=size),
-            np.array(self.plan.rectification.R),
-            np.array(self.plan.rectification.P),
-            self.plan.width,
-            self.plan.height,
-            self.plan.lens,
-            aligned=self.plan.rectification.aligned,
-            origin=self.plan.rectification.origin,
-            entry=camera.source,
-            unit=self.plan.rectification.unit,
-        )
+        return view_of(self.plan)
 
     def rebuild(self, progress=lambda step: None):
         """The `Core` that the plan states: the same Verilog, and everything else in the plan the same.
@@ -104,6 +91,24 @@ class PlannedCore:
         if plan.digest() != plan.plan_sha256:
             raise InputError(self.file, "plan_sha256", plan.plan_sha256, "the plan was changed; generate it anew")
         return replace(core, plan=plan)
+
+
+def view_of(plan):
+    """The `View` that a `Plan` states."""
+    size = plan.source.width, plan.source.height
+    return View(
+        plan.camera.side,
+        Camera(plan.camera.model, np.array(plan.camera.K), np.array(plan.camera.D), size=size),
+        np.array(plan.rectification.R),
+        np.array(plan.rectification.P),
+        plan.width,
+        plan.height,
+        plan.lens,
+        aligned=plan.rectification.aligned,
+        origin=plan.rectification.origin,
+        entry=plan.camera.source,
+        unit=plan.rectification.unit,
+    )
 
 
 def load(file):

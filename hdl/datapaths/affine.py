@@ -36,6 +36,7 @@ class Affine(Proposed):
 
     name = "affine"
     summary = "the two accumulators of Eq. 6, coefficients of least maximum error"
+    has_default_budget = False
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):

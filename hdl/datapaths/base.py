@@ -101,6 +101,7 @@ class Datapath(ABC):
     name: ClassVar[str]
     summary: ClassVar[str]
     supports_lens: ClassVar[bool] = False
+    has_default_budget: ClassVar[bool] = True  # else its error is what the rig makes of it, where no budget is given
 
     width: int
     height: int

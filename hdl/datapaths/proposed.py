@@ -34,6 +34,7 @@ class Proposed(Datapath):
 
     name = "proposed"
     summary = "the paper's Eq. 6: two accumulators, z taken as 1"
+    has_default_budget = False
 
     u_form: LinearForm
     v_form: LinearForm

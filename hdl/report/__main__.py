@@ -6,7 +6,7 @@ from pathlib import Path
 import rich_click as click
 
 from hdl import files
-from hdl.cli import run, steps
+from hdl.cli import FileType, run, steps
 from hdl.core.plan_file import load_folder
 from hdl.errors import InputError
 from hdl.report.measure import measure
@@ -37,14 +37,14 @@ IMAGE = click.Path(path_type=Path, exists=True, dir_okay=False)
 @click.argument("folder", type=click.Path(path_type=Path), metavar="PLAN_DIR")
 @click.option(
     "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FileType(),
     metavar="FILE",
     help="Where the page goes. Default: PLAN_DIR/report.html.",
 )
 @click.option(
     "--json",
     "json_file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FileType(),
     metavar="FILE",
     help="Write the figures behind the page to FILE, too.",
 )
@@ -86,11 +86,10 @@ def report(folder, output, json_file, left, right, clock, distances, synthesis):
     if not 1e-3 <= clock <= 1e5:
         raise InputError("--clock", None, clock, "must be 0.001 to 100000 MHz")
     read = [*(file for one in planned.values() for file in one.files), *images.values()]
-    files.refuse_overwriting("--output", [output], read)
+    files.check_targets("--output", [output], read)
+    files.check_folder("--output", output.parent / "cache")
     if json_file:
-        files.refuse_overwriting("--json", [json_file], [*read, output])
-    for file in filter(None, (output, json_file)):
-        file.parent.mkdir(parents=True, exist_ok=True)
+        files.check_targets("--json", [json_file], [*read, output])
     with steps() as progress:
         found = measure(
             planned,

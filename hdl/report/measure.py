@@ -11,11 +11,12 @@ import numpy as np
 from hdl.calibration.rig import SIDES
 from hdl.core.build import Core
 from hdl.core.plan_file import PlannedCore, stereo_rig
-from hdl.errors import InputError
 from hdl.report import figures, stereo
 from hdl.tools.synthesis import Resources, synthesise
 from sim.compiler import compile_core
-from sim.run import Result, frame_through, known_rows, matched_rows, read_image
+from sim.frame import Result, frame_through
+from sim.images import in_8_bits, read_image
+from sim.rows import Rows, Withheld, rows_of_frames
 from sim.scene import render
 
 _PICTURE_WIDTH, _PICTURE_QUALITY = 1000, 88  # of a JPEG in the page
@@ -68,9 +69,9 @@ class Report:
     clock_mhz : float
     rendered : bool
         Whether the pictures are of the rendered scene.
-    rows : {"before", "after"} or None
-        `RowDifference` of known points of that scene, or of points that SIFT matches in the user's own pair; None for a
-        single camera, and where too few points are matched.
+    rows : sim.rows.Rows, sim.rows.Withheld or None
+        Of known points of that scene, or of points found in the user's own pair, or why there is no figure; None for a
+        single camera.
     geometry : (float, float, float) or None
         Of a pair: focal length (px), baseline, offset of the principal points (px).
     distances : list of stereo.AtDistance
@@ -80,7 +81,7 @@ class Report:
     cameras: dict
     clock_mhz: float
     rendered: bool
-    rows: dict | None
+    rows: Rows | Withheld | None
     geometry: tuple | None
     distances: list
 
@@ -97,14 +98,17 @@ class Report:
     @property
     def broken_pixels(self):
         """Pixels that the Verilog gave out unlike the integer model or cv2.remap; 0 unless something is broken."""
-        results = [camera.result for camera in self.cameras.values()]
-        return sum(result.model_differences + (result.cv2_differences or 0) for result in results)
+        return sum(camera.result.broken for camera in self.cameras.values())
 
     def figures(self):
         """All numbers behind the page, for JSON. Lengths in px unless named otherwise."""
         return {
             "cameras": {side: self._camera(camera) for side, camera in self.cameras.items()},
-            f"{self.line}_difference": self.rows and {stage: row._asdict() for stage, row in self.rows.items()},
+            **(
+                self.rows.as_dict()
+                if self.rows
+                else {f"{self.line}_difference": None, f"{self.line}_difference_withheld": None}
+            ),
             "stereo": self.geometry
             and {
                 "focal_length": self.geometry[0],
@@ -156,9 +160,12 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
     InputError
         For plans that do not rebuild, images that do not fit, and distances that no point of both images has.
     """
+    stereo.check_distances(planned, distances)
     plans = {side: one.plan for side, one in planned.items()}
     sources = {
-        side: read_image(file, plans[side], plans[side].pixel_bits, plans[side].channels)
+        side: read_image(
+            file, (plans[side].width, plans[side].height), plans[side].pixel_bits, plans[side].channels, built=True
+        )
         for side, file in images.items()
     }
     cores = {}
@@ -171,10 +178,6 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
         geometry = stereo.geometry(*(views[side] for side in SIDES))
         shifts = {side: stereo.displacement(core, errors[side]) for side, core in cores.items()}
         at = stereo.at_distances(views, shifts, distances)
-    elif distances:
-        raise InputError(
-            "--distances", None, None, f"depth needs both cameras; there is only the {next(iter(cores))} one"
-        )
     ladders = {
         side: figures.ladder(
             planned[side], core, lambda step, side=side: progress(f"{side} camera: other datapaths: {step}")
@@ -200,10 +203,10 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
                 lambda one: synthesise(one.verilog, one.plan.top, dsp=one.plan.dsp, cache=cache), planned.values()
             )
             resources = dict(zip(cores, found))
-    rows = None
+    found = None
     if len(cores) == 2:
         progress("row differences")
-        rows = matched_rows(results) if images else known_rows(rig, results)
+        found = rows_of_frames(results, None if images else rig)
     cameras = {
         side: CameraReport(
             planned[side],
@@ -217,12 +220,12 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
         )
         for side, core in cores.items()
     }
-    return Report(cameras, clock_mhz, not images, rows, geometry, at)
+    return Report(cameras, clock_mhz, not images, found, geometry, at)
 
 
 def jpeg(image, pixel_bits):
     """A frame as a data URI, at most `_PICTURE_WIDTH` px wide."""
-    image = (image >> (pixel_bits - 8)).astype(np.uint8)
+    image = in_8_bits(image, pixel_bits)
     height, width = image.shape[:2]
     if width > _PICTURE_WIDTH:
         size = (_PICTURE_WIDTH, round(height * _PICTURE_WIDTH / width))

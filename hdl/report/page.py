@@ -3,11 +3,13 @@
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from hdl.core.line_memory import in_kib
 from hdl.datapaths import DATAPATHS
 from hdl.report import charts, figures, wiring
 from hdl.report.diagram import diagrams
 from hdl.report.measure import Report, jpeg
 from hdl.tools.synthesis import conditions
+from sim.rows import Rows, most
 
 LINES = 16  # across the pair of pictures
 MATCHING = 0.25  # px of a matcher's own error, for comparison
@@ -23,6 +25,7 @@ def page(report: Report) -> str:
         lstrip_blocks=True,
     )
     environment.filters["number"] = lambda value: f"{value:,.6g}"
+    environment.filters["kib"] = in_kib
     environment.filters["figures3"] = lambda value: f"{value:,.3g}"
     cameras = report.cameras
     cores = {side: camera.core for side, camera in cameras.items()}
@@ -45,7 +48,7 @@ def page(report: Report) -> str:
         timing={side: figures.timing(core, report.clock_mhz) for side, core in cores.items()},
         ports={side: figures.ports(camera.planned) for side, camera in cameras.items()},
         example=wiring.example({side: camera.planned for side, camera in cameras.items()}),
-        warnings=[text for camera in cameras.values() for text in figures.warnings(camera.plan)],
+        warnings=warnings(report),
         versions=figures.versions(),
         synthesis_conditions=conditions(dsp=report.first.plan.dsp),
         unit=unit or charts.UNKNOWN,
@@ -53,14 +56,20 @@ def page(report: Report) -> str:
     )
 
 
+def warnings(report):
+    """What a user of the cores should know, each one sentence."""
+    found = [text for camera in report.cameras.values() for text in figures.warnings(camera.plan)]
+    asked = report.rows and report.rows.suspicious
+    return [f"{asked[0].upper()}{asked[1:]}", *found] if asked else found
+
+
 def headlines(report):
     """The figures on top: (value, what it is, details)."""
     cameras = report.cameras.values()
     plan = report.first.plan
     memory = [figures.memory(camera.core) for camera in cameras]
-    timing = max(
-        (figures.timing(camera.core, report.clock_mhz) for camera in cameras), key=lambda t: t["latency_cycles"]
-    )
+    timing = [figures.timing(camera.core, report.clock_mhz) for camera in cameras]
+    lines, times = ([f"{t[name]:,.1f}" for t in timing] for name in ("latency_lines", "latency_us"))
     worst = max(peak.value for camera in cameras for peak in camera.peaks.values())
     euclidean = max(camera.plan.error.euclidean_max for camera in cameras)
     found = [
@@ -89,26 +98,27 @@ def headlines(report):
         (
             f"{_sum(m['rows'] for m in memory)} rows",
             "of line buffer",
-            f"{_sum(round(m['kib']) for m in memory)} KiB; a whole frame would be {memory[0]['frame_kib']:.0f} KiB",
+            f"{' + '.join(in_kib(m['kib']) for m in memory)} KiB; a whole frame would be "
+            f"{in_kib(memory[0]['frame_kib'])} KiB",
         ),
         (
-            f"{timing['latency_lines']:.1f} lines",
-            "latency",
-            f"{timing['latency_us']:,.1f} \N{MICRO SIGN}s at {report.clock_mhz:g} MHz",
+            f"{', '.join(lines)} lines",
+            "latency, left, right" if len(timing) > 1 else "latency",
+            f"{', '.join(times)} \N{MICRO SIGN}s at {report.clock_mhz:g} MHz",
         ),
         (
-            f"{timing['frames_per_second']:,.0f} frames/s",
+            f"{timing[0]['frames_per_second']:,.0f} frames/s",
             f"{plan.width} x {plan.height} at {report.clock_mhz:g} MHz",
             "one pixel a clock, without blanking",
         ),
     ]
-    if report.rows:
-        before, after = report.rows["before"], report.rows["after"]
+    if isinstance(report.rows, Rows):
+        before, after = report.rows.before, report.rows.after
         found.append(
             (
                 f"{after.mean:.3f} px",
-                f"{report.line} difference, {before.mean:.1f} px before",
-                f"mean over {after.n} {'known' if report.rendered else 'matched'} points; at most {after.max:.3f} px",
+                f"{report.rows.line} difference, {before.mean:.1f} px before",
+                f"mean over {after.n} {report.rows.kind}; {most(after)} px",
             )
         )
     return found

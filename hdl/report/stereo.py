@@ -73,6 +73,16 @@ def default_distances(focal, baseline, width):
     return [distance for distance in found if nearest <= distance <= farthest]
 
 
+def check_distances(planned, distances):
+    """Raise InputError, before anything is rebuilt, for distances at which the rectified images have nothing in common;
+    ``planned``: {side: PlannedCore}."""
+    if distances and len(planned) < 2:
+        problem = f"depth needs both cameras; there is only the {next(iter(planned))} one"
+        raise InputError("--distances", None, None, problem)
+    for distance in distances or ():
+        _shift({side: one.view for side, one in planned.items()}, distance)
+
+
 def at_distances(views, displacements, distances):
     """`AtDistance` for each of the ``distances``; ``views`` and ``displacements`` by side.
 
@@ -93,18 +103,25 @@ def at_distances(views, displacements, distances):
     return found
 
 
-def _at_distance(views, displacements, distance):
+def _shift(views, distance):
+    """The disparity, px, and how many columns further left the right image shows a point, to the nearest pixel."""
     focal, baseline, offset = geometry(views["left"], views["right"])
+    # The right image shows the point this many columns further left (or rows further up), to the nearest pixel.
+    disparity, width = focal * baseline / distance, (views["left"].width, views["left"].height)[axis_of(views["left"])]
+    shift = round(disparity + offset)
+    if abs(shift) >= width:
+        problem = f"the disparity there is {disparity:.4g} px, beyond the {width} px of the image"
+        raise InputError("--distances", None, f"{distance:g}", problem)
+    return disparity, shift
+
+
+def _at_distance(views, displacements, distance):
     if axis_of(views["left"]):  # down the columns: the same with x and y exchanged
         displacements = {side: (dy.T, dx.T) for side, (dx, dy) in displacements.items()}
     height, width = displacements["left"][0].shape
-    disparity = focal * baseline / distance
-    # The right image shows the point this many columns further left (or rows further up), to the nearest pixel.
-    shift = round(disparity + offset)
+    focal, baseline, _ = geometry(views["left"], views["right"])
+    disparity, shift = _shift(views, distance)
     first, last = max(0, shift), min(width, width + shift)
-    if last <= first:
-        problem = f"the disparity there is {disparity:.4g} px, beyond the {width} px of the image"
-        raise InputError("--distances", None, f"{distance:g}", problem)
     columns = {"left": slice(first, last), "right": slice(first - shift, last - shift)}
     dx, dy = (
         np.abs(displacements["left"][axis][:, columns["left"]] - displacements["right"][axis][:, columns["right"]])

@@ -17,7 +17,9 @@ class RowFlow(wiring.Component):
     previous one: its last pixels may still be on their way to the memories (the pipeline is shorter than a row).
 
     Zero stall: where both sides move one pixel per clock, source row y + lead + 2 starts in the very clock in which
-    output row y + 1 starts, so ``may_write`` never drops.
+    output row y + 1 starts, so ``may_write`` never drops. Where the read side fell behind (its output paused, or source
+    rows were shorter than they should be), ``may_write`` drops until it has caught up, for as many clocks as it fell
+    behind, or fewer.
 
     Parameters
     ----------

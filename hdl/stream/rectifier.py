@@ -101,9 +101,12 @@ class Rectifier(wiring.Component):
     the interpolator. The whole read side moves on unless a pixel waits at ``m_axis``; the write side does not wait for
     it except through `RowFlow`. ``s_axis_tready`` does not depend on ``m_axis_tready`` within a clock.
 
-    Throughput: 1 px/clock; while ``m_axis_tready`` is high, ``s_axis_tready`` is never low, with or without blanking,
-    frames back to back. Latency: `RectifierParameters.latency_cycles`. A frame drains without further input.
-    Lines and frames that are too short or too long: see `Capture`.
+    Throughput: 1 px/clock. For input in whole frames, with or without blanking, and an output that has taken every beat
+    at once since the reset, ``s_axis_tready`` is never low. Whatever comes in and however the output pauses: counted
+    from the reset, beats at ``s_axis`` wait for no more clocks than beats at ``m_axis`` waited and pixels, or the tlast
+    at a frame's end, were missing from lines and frames that were too short. (Proved: `ZeroStallProof`, `WaitsProof`.)
+    Latency: `RectifierParameters.latency_cycles`. A frame drains without further input. Lines and frames that are too
+    short or too long: see `Capture`.
 
     Parameters
     ----------

@@ -243,7 +243,7 @@ def test_chosen_rectification_is_converted_too(command):
     "target, message",
     [
         ("out.json", "--convert: out.json: the name must end in .yml or .yaml"),
-        ("rig.yml", "--convert: rig.yml: this is part of what is read; choose another name"),
+        ("rig.yml", "--convert: rig.yml: is one of the files that are read; choose another name"),
     ],
 )
 def test_conversion_to_an_unsuitable_name_is_refused(target, message, command):
@@ -269,9 +269,11 @@ def test_conversion_that_fails_leaves_what_was_there(command, monkeypatch):
     assert sorted(path.name for path in Path().iterdir()) == ["out.yml", "rig.yml"]
 
 
-def test_conversion_into_a_folder_that_is_not_there_is_one_line(command):
-    status, _, err = command(write(as_yaml(SMALL)), "--convert", "missing/out.yml")
-    assert status == 2 and err.startswith("error: ") and err.count("\n") == 1
+def test_conversion_makes_the_folder_that_it_is_to_go_to_unless_a_file_is_there(command):
+    status, _, err = command(write(as_yaml(SMALL)), "--convert", "new/out.yml")
+    assert (status, err) == (0, "") and Path("new/out.yml").exists()
+    status, _, err = command("rig.yml", "--convert", "rig.yml/out.yml")
+    assert (status, err) == (2, "error: --convert: rig.yml/out.yml: rig.yml is no folder\n")
 
 
 def test_lenses_of_two_kinds_do_not_fit_into_opencvs_format():

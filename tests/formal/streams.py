@@ -86,6 +86,64 @@ class ZeroStallProof(Elaboratable):
         return m
 
 
+class WaitsProof(Elaboratable):
+    """Beats at s_axis wait for no more clocks than there is cause for, counted from reset; both streams are arbitrary.
+
+    Cause is given, a clock each, by beats that wait at m_axis and by pixels that are missing from lines, and frames,
+    that are too short, or by the tlast that is missing from a frame's last line. Right frames have none
+    (`ZeroStallProof`). Of all that is left over never more than two lines'
+    worth is counted: what was long ago makes no beat wait.
+
+    Parameters
+    ----------
+    parameters : RectifierParameters
+    """
+
+    def __init__(self, parameters, lemmas=True):
+        self._parameters, self._lemmas = parameters, lemmas
+        self._core = FreeCore(parameters)
+
+    def elaborate(self, platform):
+        m = Module()
+        core, capture = self._core, self._core.parts["capture"]
+        width, height = self._parameters.datapath.width, self._parameters.datapath.height
+        core.add_to(m)
+        paused, waits = core.m_axis.valid & ~core.m_axis.ready, core.s_axis.valid & ~core.s_axis.ready
+        missing, cause, left = Signal(range(width + 1)), Signal(range(3 * width + 2)), Signal(range(2 * width + 1))
+        with m.If(capture.row_written):
+            m.d.comb += missing.eq(Mux(waits & (capture.x == width), 1, width - capture.x - capture.write))
+        m.d.comb += [
+            cause.eq(left + paused + missing),
+            Assert(~waits | (cause != 0), "no beat waits without a cause"),
+            Cover((left == 1) & waits & ~capture.row_written, "the last cause makes a beat wait"),
+        ]
+        m.d.sync += left.eq(Mux(cause > 2 * width, 2 * width, cause) - waits)
+        if self._lemmas:
+            registers, lead = core.registers, self._parameters.line_buffer.window.lead
+            ahead, x_in, y_in = (registers[name] for name in ("flow.ahead", "capture.x", "capture.y"))
+            in_frame, complete = registers["capture.in_frame"], registers["flow.complete"]
+            x_out, y_out = issued_position(m, core)
+            came, warmed = ahead * width + x_in, self._parameters.datapath.warm_up - core.warming
+            m.d.comb += [
+                Assert(fact, f"lemma: {name}")
+                for fact, name in (
+                    ((x_in <= width) & (y_in < height), "capture counts its frame"),
+                    (left <= 2 * width, "of what is left over two lines' worth is counted"),
+                    (in_frame | ((y_in == 0) & (x_in == 0)), "capture waits for a frame's first beat"),
+                    (ahead == y_in - y_out + Mux(complete, height, 0), "ahead is the difference of the rows"),
+                    ((ahead < lead + 2) | ((ahead == lead + 2) & (x_in == 0)), "a row waits until it may be written"),
+                    ((x_out == 0) | (ahead > lead) | complete, "a row that was begun is given out"),
+                    (came <= (lead + 1) * width + x_out + left, "the output is behind by no more than it has cause"),
+                    ((core.warming == 0) | (registers["valid"] == 0), "nothing is given out before it is warm"),
+                    (
+                        (core.warming == 0) | (left + warmed >= Mux(came > 2 * width, 2 * width, came)),
+                        "what comes before it is warm is missing from lines",
+                    ),
+                )
+            ]
+        return m
+
+
 class FramesProof(Elaboratable):
     """Frames come out whole, each one that went in, in bounded time; both streams are arbitrary, broken frames too.
 

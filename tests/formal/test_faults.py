@@ -7,7 +7,7 @@ from formal.capture import CaptureProof
 from formal.core import any_core
 from formal.mutant import mutant
 from formal.prove import refute
-from formal.streams import FramesProof, StabilityProof, ZeroStallProof
+from formal.streams import FramesProof, StabilityProof, WaitsProof, ZeroStallProof
 from formal.window import WindowProof, tag_bits
 
 from hdl.arithmetic.differences import DifferenceForm
@@ -24,6 +24,10 @@ def stability():
 
 def zero_stall():
     return ZeroStallProof(any_core(3, 3, 0, 1), lemmas=False)
+
+
+def waits():
+    return WaitsProof(any_core(3, 3, 0, 1), lemmas=False)
 
 
 def frames():
@@ -175,6 +179,14 @@ FAULTS = {
         zero_stall,
         14,
         "s_axis_tready is high",
+    ),
+    "the input waits for rows that are read one row too late": (
+        "hdl.stream.flow",
+        "(ahead > self._lead)",
+        "(ahead > self._lead + 1)",
+        waits,
+        14,
+        "no beat waits without a cause",
     ),
     "the last rows wait for the next frame": (
         "hdl.stream.flow",

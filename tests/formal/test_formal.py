@@ -18,7 +18,7 @@ from formal.capture import CaptureProof
 from formal.core import any_core
 from formal.mutant import mutant
 from formal.prove import NotProved, cover, prove
-from formal.streams import FramesProof, StabilityProof, ZeroStallProof
+from formal.streams import FramesProof, StabilityProof, WaitsProof, ZeroStallProof
 from formal.window import WindowProof, tag_bits
 
 from hdl.arithmetic.differences import DifferenceForm
@@ -92,6 +92,19 @@ def test_windows_are_read_in_all_situations(tmp_path):
 )
 def test_input_never_stalls_while_the_output_is_ready(window, options, tmp_path):
     prove(ZeroStallProof(any_core(*window, **options)), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "window, options",
+    [((8, 6, -1, 1), {"latency": 3}), ((3, 3, 0, 1), {}), ((8, 7, -4, 0), {"warm_up": 7}), ((9, 5, 2, 3), {})],
+    ids=str,
+)
+def test_input_waits_for_no_longer_than_the_output_did_and_pixels_are_missing(window, options, tmp_path):
+    prove(WaitsProof(any_core(*window, **options)), tmp_path)
+
+
+def test_input_may_wait_for_as_long_as_there_is_cause(tmp_path):
+    cover(WaitsProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 20)
 
 
 def test_frames_come_in_back_to_back(tmp_path):

@@ -14,8 +14,10 @@ import pytest
 from report_pages import CACHE, SIDES
 
 from hdl.cli import run
+from hdl.report import figures
 from hdl.report.__main__ import report as command
 from hdl.report.page import page
+from sim.rows import Withheld
 
 
 @pytest.fixture
@@ -100,7 +102,7 @@ def test_two_runs_make_the_same_page(report, html):
 
 
 def test_the_page_says_what_the_plans_say(report, html):
-    text = " ".join(unescape(re.sub(r"<(style|script|svg).*?</\1>|<[^>]*>", " ", html, flags=re.DOTALL)).split())
+    text = words(html)
     for camera in report.cameras.values():
         error = camera.plan.error
         for value in (error.u.mean, error.u.max, error.v.mean, error.v.max):
@@ -108,6 +110,41 @@ def test_the_page_says_what_the_plans_say(report, html):
         assert f"{camera.plan.line_buffer.rows} rows kept, from D_lo = {camera.plan.line_buffer.d_lo}" in text
         assert camera.plan.verilog_sha256 in text
     assert "calibration's unit" in text and "add_files { rectify_left.v rectify_right.v }" in html
+
+
+def words(html):
+    """The text that a reader sees."""
+    return " ".join(unescape(re.sub(r"<(style|script|svg).*?</\1>|<[^>]*>", " ", html, flags=re.DOTALL)).split())
+
+
+def test_each_cameras_latency_and_memory_is_its_own(report, html):
+    text = words(html)
+    timing = [figures.timing(camera.core, 100.0) for camera in report.cameras.values()]
+    memory = [figures.memory(camera.core) for camera in report.cameras.values()]
+    assert len({found["latency_cycles"] for found in timing}) == 2
+    lines, times = (", ".join(f"{found[name]:.1f}" for found in timing) for name in ("latency_lines", "latency_us"))
+    assert f"latency, left, right {lines} lines {times} \N{MICRO SIGN}s at 100 MHz" in text
+    assert f"{memory[0]['kib']:.2g} + {memory[1]['kib']:.2g} KiB; a whole frame would be 6 KiB" in text
+    assert " 0 KiB" not in text and "0 + 0 KiB" not in text
+
+
+def test_rows_are_a_headline_only_where_the_images_bear_it(report, html):
+    rows = report.rows
+    assert f"row difference, {rows.before.mean:.1f} px before {rows.after.mean:.3f} px mean over " in words(html)
+    assert rows.sentence() in words(html)
+    withheld = replace(report, rows=Withheld("only 3 points are found in both images; 30 are needed"))
+    text = words(page(withheld))
+    assert "row difference," not in text
+    assert "How far rows differ cannot be said: only 3 points are found in both images; 30 are needed. " in text
+    found = withheld.figures()
+    assert found["row_difference"] is None
+    assert found["row_difference_withheld"] == "only 3 points are found in both images; 30 are needed"
+
+
+def test_a_calibration_that_leaves_rows_apart_is_a_warning(report, html):
+    apart = report.rows._replace(exact=report.rows.after._replace(mean=4.0))
+    assert apart.suspicious and apart.suspicious[1:] in words(page(replace(report, rows=apart)))
+    assert "is the calibration of these cameras" not in words(html)
 
 
 def test_names_in_a_plan_cannot_become_markup(report):

@@ -74,6 +74,21 @@ def test_the_page_fits_its_window(opened, width, scheme):
     assert surface == ("rgb(255, 255, 255)" if scheme == "light" else "rgb(20, 23, 27)")
 
 
+@pytest.mark.parametrize("width", [400, 1600])
+def test_every_verdict_and_caption_can_be_read_without_scrolling(opened, width):
+    found = opened(width)
+    verdicts = found.locator("#ladder tbody tr")
+    assert verdicts.count() >= 4
+    for row in verdicts.all():
+        shown = [text for text in row.locator(".verdict").all() if text.is_visible()]
+        assert len(shown) == 1 and shown[0].inner_text()
+        box = shown[0].bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= width
+    for caption in found.locator("caption").all():
+        box = caption.bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= width
+
+
 def test_every_picture_is_shown(opened):
     found = opened()
     assert found.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 0)")
@@ -87,6 +102,26 @@ def test_every_picture_is_shown(opened):
 def picture(found):
     data = found.locator("#compare").screenshot()
     return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE).astype(int)
+
+
+def test_each_side_of_the_divider_is_named_while_it_is_there(opened):
+    found = opened()
+    assert found.locator(".tag").all_inner_texts() == ["before", "after"] * 2
+    width = round(found.locator("#compare .view").first.bounding_box()["width"])
+
+    def written():
+        """Whether something is written in the left, in the right, upper corner of the left picture."""
+        pictures = []
+        for visibility in ("visible", "hidden"):
+            found.evaluate(f"document.querySelectorAll('.tag').forEach(tag => tag.style.visibility = '{visibility}')")
+            pictures.append(picture(found)[:30])
+        changed = pictures[0] != pictures[1]
+        return bool(changed[:, :70].any()), bool(changed[:, width - 70 : width].any())
+
+    slider = found.get_by_role("slider")
+    for value, expected in (("50", (True, True)), ("100", (True, False)), ("0", (False, True))):
+        slider.fill(value)
+        assert written() == expected
 
 
 def test_the_slider_shows_the_frames_before_and_after(opened):

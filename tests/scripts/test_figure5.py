@@ -7,13 +7,16 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from pictures import HEIGHT, WIDTH, board, seen
+from pictures import rig as parallel
 
 from hdl import calibration, cli
 from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
+from hdl.errors import InputError
 from hdl.geometry.rectification import RectificationOptions, rectify
 from scripts import figure5, figure5_drawing
-from sim.run import frame_through
+from sim.frame import frame_through
 from sim.scene import visible_points
 
 SIZE = 128, 96
@@ -123,26 +126,24 @@ def test_detail_is_the_point_that_the_papers_method_leaves_farthest_apart():
     assert figure5.detail(pair, [rows[0], nowhere]) is None
 
 
-def test_chessboard_is_looked_for_again_in_what_the_core_gave_out(rig):
-    square = 8
-    board = np.full((96, 128), 200, np.uint8)
-    for down in range(7):
-        for across in range(10):
-            if (down + across) % 2 == 0:
-                board[20 + square * down : 20 + square * (down + 1), 20 + square * across :][:, :square] = 20
-    board = cv2.GaussianBlur(board, (3, 3), 0.8)
-    images = {"left": board, "right": np.roll(board, 3, axis=0)}
-    points = figure5.found_points({side: board for side in SIDES}, (9, 6), "rig")
-    pair = figure5.Pair("real", "", rig, True, images, points, board=(9, 6), real=True)
-    maps = {side: np.meshgrid(np.arange(128.0), np.arange(96.0)) for side in SIDES}
-    off = {side: np.full((96, 128), 1.0) for side in SIDES}
+def test_points_of_real_images_are_found_and_followed_through_the_cores():
+    images = seen(board(), 3)
+    points_by, points = figure5.found_points(images, parallel(3))
+    assert points_by == "corners of a 9x6 chessboard" and len(points["left"]) == 54
+    pair = figure5.Pair("real", "", parallel(3), True, images, points, points_by)
+    off = {side: np.full((HEIGHT, WIDTH), 1.0) for side in SIDES}
+    # The right core shows everything three rows higher, and half of what is left.
+    x, y = np.meshgrid(np.arange(float(WIDTH)), np.arange(float(HEIGHT)))
+    maps = {"left": (x, y), "right": (x[:, :160], y[:, :160] + 3)}
     measured = figure5.row_of(pair, "core", images, maps, off, ("core",), False).measured
-    # The points of the pair lie on one row; what the images show does not.
-    assert measured["row_difference"]["mean"] == pytest.approx(3, abs=0.1)
-    assert (measured["points"], measured["points_by"]) == (54, "chessboard")
-    blank = {side: np.zeros_like(board) for side in SIDES}
-    measured = figure5.row_of(pair, "core", blank, maps, off, ("core",), False).measured
-    assert (measured["points"], measured["row_difference"]) == (0, None)
+    assert measured["row_difference"]["mean"] < 0.1 and measured["points_by"] == points_by
+    assert 0 < measured["points"] == np.sum(points["right"][:, 0] <= 159) < 54
+    assert figure5.row_of(pair, "original", images, None, None).measured["row_difference"]["mean"] == pytest.approx(
+        3, abs=0.1
+    )
+    blank = {side: np.zeros_like(images[side]) for side in SIDES}
+    with pytest.raises(InputError, match="^rig.yml: images: the two images are the same$"):
+        figure5.found_points(blank, parallel(3))
 
 
 def test_pictures_and_rows_are_written_with_and_without_the_lens(quick, script, tmp_path):

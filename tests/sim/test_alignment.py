@@ -64,7 +64,7 @@ def test_positions_are_found_beside_parts_of_the_map_that_lead_nowhere():
 
 def test_rows_before_rectification_are_those_of_the_source():
     points = {"left": np.array([[1.0, 10.0], [2.0, 20.0]]), "right": np.array([[5.0, 9.0], [6.0, 23.0]])}
-    assert row_difference(None, points) == (2.0, 3.0, 2)
+    assert row_difference(None, points) == (2.0, 2.0, 2.9, 3.0, -1.0, 2)
 
 
 def test_rows_are_compared_after_the_maps():
