@@ -2,13 +2,15 @@
 into a column-aligned one where one stands above the other."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
 
 from hdl.calibration import stance
-from hdl.calibration.rig import SIDES, Rig
+from hdl.calibration.rig import SIDES, Camera, Rig
 from hdl.errors import InputError
 from hdl.geometry.choices import MAX_FOV_LOSS, RectificationOptions
 from hdl.geometry.coordinates import inside_image
@@ -17,6 +19,10 @@ from hdl.geometry.view import View
 from hdl.lens import LENS_MODELS
 
 __all__ = ["LEAST_FILLED", "MAGNIFIED", "RectificationOptions", "View", "helpful", "magnification", "rectify"]
+
+# R and P by side; and R1, R2, P1, P2.
+Rectification: TypeAlias = dict[str, tuple[np.ndarray, np.ndarray]]
+Matrices: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 MAGNIFIED = 2.0  # a rectified view magnified further is seldom meant
 DEGENERATE = 10  # one magnified or reduced further is one that went wrong
@@ -51,8 +57,9 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
         turn = stance.largest_turn(rig)
         geometry = [(turn.role, turn.value)] * 2
         reason = f", as {turn.cause}" if turn.angle >= stance.UNUSUAL else ""
-        if not _chosen(options) and _degenerate(rig, *(P for _, P in rectification.values())):
-            raise _degenerate_fault(rig, options.alpha or 0.0, rectification["left"][1])
+        P1, P2 = (rectification[side][1] for side in SIDES)
+        if not _chosen(options) and _degenerate(rig, P1, P2):
+            raise _degenerate_fault(rig, options.alpha or 0.0, P1)
     views = _views(rig, rectification, lens, origin=_origin(rig, options), unit=rig.unit, fault=rig.fault)
     views = {side: replace(view, geometry=culprit) for (side, view), culprit in zip(views.items(), geometry)}
     for view in views.values():
@@ -85,25 +92,26 @@ def helpful(rig: Rig) -> list[RectificationOptions]:
     return [options for options in found if options]
 
 
-def _works(rig, options):
+def _works(rig: Rig, options: RectificationOptions) -> bool:
     try:
         rectification = _computed(rig, options)
     except InputError:
         return False
-    if _degenerate(rig, *(P for _, P in rectification.values()), MAGNIFIED):
+    P1, P2 = (rectification[side][1] for side in SIDES)
+    if _degenerate(rig, P1, P2, MAGNIFIED):
         return False
     views = _views(rig, rectification, lens=True)
     return all(view.nearest() > 0 and _filled(view) > LEAST_FILLED for view in views.values())
 
 
-def _filled(view, cells=40):
+def _filled(view: View, cells: int = 40) -> float:
     """About the share of the frame that has a source."""
     x, y = (np.linspace(0, extent - 1, cells) for extent in (view.width, view.height))
     with np.errstate(all="ignore"):
         return inside_image(*view.project(x, y[:, None]), *view.source_size).mean()
 
 
-def _views(rig, rectification, lens, **details):
+def _views(rig: Rig, rectification: Rectification, lens: bool, **details: Any) -> dict[str, View]:
     (_, P1), (_, P2) = rectification.values()
     aligned = stance.ALIGNED[stance.along(P2[:, 3] - P1[:, 3])]
     return {
@@ -115,27 +123,27 @@ def _views(rig, rectification, lens, **details):
     }  # fmt: skip
 
 
-def _instead(rig):
+def _instead(rig: Rig) -> str:
     found = [options.spelled for options in helpful(rig)]
     return f"; {' or '.join(found)} would do" if found else ""
 
 
-def _origin(rig, options):
+def _origin(rig: Rig, options: RectificationOptions) -> str:
     if rig.rectification and not options.given:
         return "the file's own"
     return f"computed, {', '.join(options.given) or 'default'}"
 
 
-def _chosen(options):
+def _chosen(options: RectificationOptions) -> object:
     """Whether the user decides on P: it is then not cv2.stereoRectify's."""
     return options.center or options.focal or options.fov
 
 
-def _is_fisheye(rig):
+def _is_fisheye(rig: Rig) -> bool:
     return any(LENS_MODELS[camera.model].is_fisheye for camera in (rig.left, rig.right))
 
 
-def _computed(rig, options):
+def _computed(rig: Rig, options: RectificationOptions) -> Rectification:
     """{side: (R, P)} by cv2.stereoRectify and ``options``."""
     alpha = options.alpha or 0.0
     if not _is_fisheye(rig):
@@ -159,8 +167,9 @@ def _computed(rig, options):
                 f"{nearest[0]:g},{nearest[1]:g} is the nearest inside"
             )
             raise InputError("--center", name, c, problem)
-    if options.focal or options.fov:
-        f = options.focal or _focal_of_fov(options.fov, center[0], rig.width)
+    wanted = options.focal or options.fov and _focal_of_fov(options.fov, center[0], rig.width)
+    if wanted:
+        f = wanted
         if not max(rig.width, rig.height) / 20 <= f <= max(rig.width, rig.height) * 100:
             name, value = ("--focal", f) if options.focal else ("--fov", options.fov)
             raise InputError(name, None, value, f"a focal length of {f:.4g} px suits no {rig.width}x{rig.height} frame")
@@ -171,7 +180,7 @@ def _computed(rig, options):
     return _pair(rig, (R1, R2), f, center)
 
 
-def _pair(rig, rotations, f, center):
+def _pair(rig: Rig, rotations: tuple[np.ndarray, np.ndarray], f: float, center: tuple[float, float]) -> Rectification:
     """{side: (R, P)} for a common focal length and principal point."""
     P1 = np.array([[f, 0, center[0], 0], [0, f, center[1], 0], [0, 0, 1, 0]], dtype=np.float64)
     P2, T = P1.copy(), rotations[1] @ rig.T
@@ -180,7 +189,7 @@ def _pair(rig, rotations, f, center):
     return {"left": (rotations[0], P1), "right": (rotations[1], P2)}
 
 
-def _without_alpha(rig):
+def _without_alpha(rig: Rig) -> Matrices:
     """R1, R2, P1, P2: cv2.stereoRectify's rotations, the source's mean focal length, the middle of the image.
 
     cv2.fisheye.stereoRectify derives a focal length from the image corners, which tends to 0 on lenses near
@@ -191,11 +200,11 @@ def _without_alpha(rig):
     return R1, R2, pair["left"][1], pair["right"][1]
 
 
-def _coefficients(rig):
+def _coefficients(rig: Rig) -> list[np.ndarray | None]:
     return [camera.D if camera.D.size else None for camera in (rig.left, rig.right)]
 
 
-def _degenerate_fault(rig, alpha, P1):
+def _degenerate_fault(rig: Rig, alpha: float, P1: np.ndarray) -> InputError:
     """What is to be said of a rectification by cv2.stereoRectify with a magnification that cannot be meant."""
     D1, D2 = _coefficients(rig)
     culprit, reason, turn = ("D1", D1), "", stance.largest_turn(rig)
@@ -211,28 +220,30 @@ def _degenerate_fault(rig, alpha, P1):
     return rig.fault(*culprit, problem + _instead(rig))
 
 
-def _degenerate(rig, P1, P2, most=DEGENERATE):
+def _degenerate(rig: Rig, P1: np.ndarray, P2: np.ndarray, most: float = DEGENERATE) -> bool:
     """Whether the pair is magnified or reduced more than ``most`` times, or looks far past the images."""
     times = P1[0, 0] / _source_focal_length(rig)
     centres = np.abs([P1[:2, 2], P2[:2, 2]]).max()
     return not (1 / most < times < most and centres <= DEGENERATE * max(rig.width, rig.height))
 
 
-def _focal_of_fov(fov, cx, width):
+def _focal_of_fov(fov: float, cx: float, width: int) -> float:
     """The focal length, px, at which atan(left/f) + atan(right/f) = fov for the frame's edges left and right of cx."""
     product = (cx + 0.5) * (width - 0.5 - cx)
     half = width / 2 / math.tan(math.radians(fov))
     return half + math.sqrt(half * half + product)
 
 
-def _focal_of_alpha(rig, rotations, center, alpha):
+def _focal_of_alpha(
+    rig: Rig, rotations: tuple[np.ndarray, np.ndarray], center: tuple[float, float], alpha: float
+) -> float:
     """What alpha means for a principal point that is not cv2.stereoRectify's.
 
     With 0 the least focal length whose frame has a source at every pixel of its border, with 1 the greatest whose frame
     has one at none, linearly between them.
     """
 
-    def border(f):
+    def border(f: float) -> np.ndarray:
         pair = _pair(rig, rotations, f, center)
         return np.concatenate([
             _border_inside(View(side, rig.camera(side), *pair[side], rig.width, rig.height, lens=True))
@@ -245,11 +256,11 @@ def _focal_of_alpha(rig, rotations, center, alpha):
     if whole is None:
         problem = "no focal length shows pixels with a source only; give one with --focal"
         raise InputError("--center", None, f"{center[0]:g},{center[1]:g}", problem)
-    outer = _last(tried, lambda f: border(f).any()) if alpha else whole
+    outer = alpha and _last(tried, lambda f: border(f).any()) or whole
     return whole * (1 - alpha) + outer * alpha
 
 
-def _last(tried, holds):
+def _last(tried: np.ndarray, holds: Callable[[float], np.bool]) -> float | None:
     """Down the sequence ``tried``, the least value to which ``holds`` still holds; None if it never does."""
     if not holds(tried[0]):
         return None
@@ -263,7 +274,7 @@ def _last(tried, holds):
     return good
 
 
-def _border_inside(view):
+def _border_inside(view: View) -> np.ndarray:
     """For the pixels of the frame's border: whether they have a source inside the source image."""
     x, y = np.arange(view.width, dtype=np.float64), np.arange(view.height, dtype=np.float64)
     right, bottom = np.full_like(y, x[-1]), np.full_like(x, y[-1])
@@ -274,12 +285,12 @@ def _border_inside(view):
     return front & inside_image(u, v, *view.source_size)
 
 
-def _source_focal_length(rig):
+def _source_focal_length(rig: Rig) -> float:
     """The mean of both cameras' and both axes' next to the optical axis, px of the rectified image's size."""
     return np.mean([camera.pinhole[i, i] for camera in _common_size(rig) for i in (0, 1)])
 
 
-def _common_size(rig):
+def _common_size(rig: Rig) -> list[Camera]:
     """Both cameras, their images resampled to the rectified size: corner to corner, so that they show what they did."""
     size = np.array([rig.width, rig.height])
     return [
@@ -288,7 +299,7 @@ def _common_size(rig):
     ]
 
 
-def _stereo_rectify(rig, D1, D2, alpha):
+def _stereo_rectify(rig: Rig, D1: Any, D2: Any, alpha: float) -> Matrices:
     """R1, R2, P1, P2.
 
     cv2.stereoRectify knows one image size, the rectified images' and both cameras'. R1 and R2 follow from R and T

@@ -90,7 +90,7 @@ class View:
         K is that of the camera without its lens."""
         return self.camera.pinhole @ self.ray
 
-    def project(self, xr, yr) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, xr: np.ndarray, yr: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Source coordinates (u, v), px, float64, of rectified pixels; xr and yr of any shapes that broadcast."""
         matrix = self.ray if self.lens else self.homography
         x, y, z = (row[0] * xr + (row[1] * yr + row[2]) for row in matrix)
@@ -117,19 +117,20 @@ class View:
         return self._map
 
     @cached_property
-    def _map(self):
+    def _map(self) -> tuple[np.ndarray, np.ndarray]:
         u, v = (np.empty((self.height, self.width)) for _ in range(2))
         xr = np.arange(self.width, dtype=np.float64)
         step = max(1, _CHUNK // self.width)
 
-        def fill(top):
+        def fill(top: int) -> tuple[bool, float]:
             rows = slice(top, min(top + step, self.height))
             yr = np.arange(rows.start, rows.stop, dtype=np.float64)[:, None]
             with np.errstate(all="ignore"):  # what overflows is refused below
                 part_u, part_v = self.project(xr, yr)
             u[rows], v[rows] = part_u, part_v
             inside = inside_image(part_u, part_v, *self.source_size)
-            return inside.any(), max(np.abs(part_u, out=part_u).max(), np.abs(part_v, out=part_v).max())
+            farthest = max(np.abs(part_u, out=part_u).max(), np.abs(part_v, out=part_v).max())
+            return bool(inside.any()), float(farthest)
 
         with ThreadPoolExecutor() as pool:
             parts = list(pool.map(fill, range(0, self.height, step)))
@@ -146,7 +147,7 @@ class View:
         v.setflags(write=False)
         return u, v
 
-    def _refusal(self, problem):
+    def _refusal(self, problem: str) -> InputError:
         if not self.lens:
             return self.fault(*self.geometry, problem)
         replace(self, lens=False).map()  # raises if the lens is not to blame
