@@ -127,11 +127,11 @@ def _as_in_left(images, grids, positions):
     left, right = grids
     place = [shown(grid.reshape(-1, 2)).reshape(grid.shape) for shown, grid in zip(positions, grids)]
     square = left.shape[0] == left.shape[1]
-    colour = [np.median(_contrast(image, grid)) > 0 for image, grid in zip(images, grids)]
+    colour = np.median(_contrast(images[0], left)) > 0
     best = None
     for turns in range(4) if square else (0, 2):
         turned = np.rot90(right, turns)
-        if (np.median(_contrast(images[1], turned)) > 0) != colour[0]:
+        if (np.median(_contrast(images[1], turned)) > 0) != colour:
             continue
         moved = place[0] - np.rot90(place[1], turns)
         moved = moved[~np.isnan(moved).any(axis=2)]

@@ -47,6 +47,14 @@ def test_corners_are_matched_where_one_image_is_turned(size, quarters):
     assert np.abs(right - turned).max() < 0.5
 
 
+def test_colours_tell_one_end_of_a_board_from_the_other_where_places_do_not():
+    images = seen(board(9, 6))
+    _, left, right = found(images)
+    upside_down = np.ascontiguousarray(images["right"][::-1, ::-1])
+    _, left, turned = chessboard(images["left"], upside_down, (in_place, in_place))
+    assert np.abs([WIDTH - 1, HEIGHT - 1] - right - turned).max() < 0.5
+
+
 def test_large_images_are_looked_through_at_a_fraction_of_their_size():
     images = {side: cv2.resize(image, None, fx=5, fy=5) for side, image in seen(board(), noise=0).items()}
     size, left, right = chessboard(images["left"], images["right"], (in_place, in_place))
