@@ -113,6 +113,11 @@ class Datapath(ABC):
         the caller checks in any case."""
 
     @property
+    def shape(self):
+        """(height, width)."""
+        return self.height, self.width
+
+    @property
     @abstractmethod
     def coordinates(self):
         """The integer model: the `Coordinates` that the hardware computes, bit for bit."""

@@ -75,8 +75,11 @@ class Projective(Datapath):
     @cached_property
     def coordinates(self):
         x, y = np.arange(self.width), np.arange(self.height)[:, None]
-        u, v = (self.coordinate(ratio, x, y).astype(np.int32) for ratio in (self.u_ratio, self.v_ratio))
-        return Coordinates(u, v, self.fraction_bits)
+
+        def used(ratio):
+            return lambda rows: self.coordinate(ratio, x, y[rows])
+
+        return Coordinates.banded(self.shape, self.fraction_bits, used(self.u_ratio), used(self.v_ratio))
 
     @property
     def formats(self):

@@ -46,11 +46,11 @@ class Proposed(Datapath):
     @cached_property
     def coordinates(self):
         x, y = np.arange(self.width), np.arange(self.height)[:, None]
-        u, v = (
-            (form.values(x, y) >> (form.fraction_bits - self.fraction_bits)).astype(np.int32)
-            for form in (self.u_form, self.v_form)
-        )
-        return Coordinates(u, v, self.fraction_bits)
+
+        def used(form):
+            return lambda rows: form.values(x, y[rows]) >> (form.fraction_bits - self.fraction_bits)
+
+        return Coordinates.banded(self.shape, self.fraction_bits, used(self.u_form), used(self.v_form))
 
     @property
     def formats(self):

@@ -87,8 +87,7 @@ def choose(view, fraction_bits, max_error, goal, progress=lambda step: None, dsp
         except InputError as refusal:
             others.append(Considered(name, None, None, None, refusal.problem))
             continue
-        error = datapath.coordinates.error(*view.map())
-        worst = max(error["u"]["max"], error["v"]["max"])
+        worst = datapath.coordinates.largest_error(*view.map())
         entry = Considered(name, datapath, worst, datapath.cost, "costs more")
         if worst <= budget:
             fitting.append(entry)

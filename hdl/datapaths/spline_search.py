@@ -3,6 +3,7 @@
 import numpy as np
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import block_rams
 from hdl.datapaths.spline_fit import Cells, Fit
 from hdl.datapaths.spline_surface import Surface
@@ -22,6 +23,7 @@ class SplineSearch:
     CELL_HEIGHTS = (128, 64, 32, 16, 8)
     SLOPES = (2, 4, 8)
     MOST_BITS = 12
+    STEPS = (97, 7, 1)  # rows from one to the next of those that are looked at: some first, all of them last
 
     def __init__(self, datapath, view, fraction_bits, budget):
         self.datapath = datapath
@@ -61,13 +63,7 @@ class SplineSearch:
     def _cells(self):
         """Cells that may do."""
         view = self.view
-        bend_across, bend_down = (
-            max(
-                np.abs(np.diff(target, n=order, axis=axis)[_inner(self.inside, order, axis)]).max(initial=0)
-                for target in self.targets
-            )
-            for order, axis in ((2, 1), (3, 0))
-        )
+        bend_across = max(_bend(target, self.inside) for target in self.targets)
         for cell_width in self.CELL_WIDTHS:
             # A line through a parabola of that bend is off by at least this much, were only its ends free.
             if bend_across * cell_width**2 / 16 > 2 * self.slack or cell_width >= view.width:
@@ -88,7 +84,6 @@ class SplineSearch:
             ((node, increment) for node in range(3, self.MOST_BITS) for increment in range(3, self.MOST_BITS)),
             key=lambda pair: (sum(pair), pair),
         )
-        coarse = np.arange(0, cells.height, 7)
         for node_bits, increment_bits in lengths:
             rounding = 2.0 ** -(node_bits + 1) + 2.0 ** -(increment_bits + 1)
             if max(fit.error for fit in fits) + rounding / 2 > self.slack:
@@ -107,24 +102,34 @@ class SplineSearch:
                 for fit in fits
             ]
             if all(
-                self._error(surface, target, rows) <= self.budget
-                for rows in (coarse, slice(None))
+                self._error(surface, target, step) <= self.budget
+                for step in self.STEPS
                 for surface, target in zip(surfaces, self.targets)
             ):
                 return self.datapath(cells.width, cells.height, self.fraction_bits, *surfaces)
         return None
 
-    def _error(self, surface, target, rows):
-        used = surface.values_in(rows) >> (surface.value_bits - self.fraction_bits)
-        return np.abs(used * 2.0**-self.fraction_bits - target[rows])[self.inside[rows]].max(initial=0)
+    def _error(self, surface, target, step):
+        """The largest error inside, px, in every ``step``-th row."""
+        largest = 0.0
+        for rows in bands(target.shape, step):
+            error = (surface.values(rows) >> (surface.value_bits - self.fraction_bits)) * 2.0**-self.fraction_bits
+            error -= target[rows]
+            np.abs(error, out=error)
+            error *= self.inside[rows]
+            largest = max(largest, float(error.max()))
+        return largest
 
 
-def _inner(inside, order, axis):
-    """Where a difference of this order has all its samples inside."""
-    length = inside.shape[axis] - order
-    return np.logical_and.reduce(
-        [np.take(inside, range(shift, shift + length), axis=axis) for shift in range(order + 1)]
-    )
+def _bend(target, inside):
+    """The greatest second difference along a row, of three pixels inside."""
+    largest = 0.0
+    for rows in bands(target.shape):
+        bend = np.abs(np.diff(target[rows], n=2))
+        among = inside[rows]
+        bend *= among[:, 2:] & among[:, 1:-1] & among[:, :-2]
+        largest = max(largest, bend.max(initial=0))
+    return largest
 
 
 def _cost(cells):

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hdl.arithmetic.bands import banded, bands
 from hdl.errors import InputError
 
 
@@ -79,6 +80,11 @@ class Coordinates:
     v: np.ndarray
     fraction_bits: int
 
+    @classmethod
+    def banded(cls, shape, fraction_bits, u, v):
+        """Of a frame of ``shape`` (height, width); ``u``, ``v``: functions of a slice of its rows, to integers."""
+        return cls(*(banded(shape, np.int32, coordinate) for coordinate in (u, v)), fraction_bits)
+
     @property
     def height(self):
         return self.u.shape[0]
@@ -99,23 +105,36 @@ class Coordinates:
 
     def window(self, border):
         """The `Window` of these coordinates under a `Border`; raises InputError where no tap is inside the source."""
-        column = self.u >> self.fraction_bits
-        top = self.v >> self.fraction_bits
-        last_row = self.height - 1
-        offset = top - np.arange(self.height, dtype=top.dtype)[:, None]
-        if border.mode == "replicate":
-            # Clamping the row is what BORDER_REPLICATE does to both taps.
-            rows = np.arange(self.height, dtype=top.dtype)[:, None]
-            upper = np.clip(top, 0, last_row) - rows
-            lower = np.clip(top + 1, 0, last_row) - rows
-            return Window(int(upper.min()), int(lower.max()))
-        some_column = (column >= -1) & (column <= self.width - 1)
-        upper = offset[some_column & (top >= 0) & (top <= last_row)]
-        lower = offset[some_column & (top >= -1) & (top <= last_row - 1)] + 1
-        taps = [taps for taps in (upper, lower) if taps.size]
-        if not taps:
+        last_column, last_row = self.width - 1, self.height - 1
+        spans = []
+        for rows in bands(self.u.shape):
+            top = self.v[rows] >> self.fraction_bits
+            y = np.arange(rows.start, rows.stop, dtype=top.dtype)[:, None]
+            if border.mode == "replicate":
+                # Clamping the row is what BORDER_REPLICATE does to both taps.
+                upper, lower = (np.clip(row, 0, last_row) - y for row in (top, top + 1))
+            else:
+                column = self.u[rows] >> self.fraction_bits
+                some_column = (column >= -1) & (column <= last_column)
+                upper, lower = ((row - y)[some_column & (row >= 0) & (row <= last_row)] for row in (top, top + 1))
+            spans += [(taps.min(), taps.max()) for taps in (upper, lower) if taps.size]
+        if not spans:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
-        return Window(int(min(t.min() for t in taps)), int(max(t.max() for t in taps)))
+        lowest, highest = zip(*spans)
+        return Window(int(min(lowest)), int(max(highest)))
+
+    def largest_error(self, u, v):
+        """The largest error of both axes that `error` finds, px."""
+        scale, largest = 2.0**-self.fraction_bits, 0.0
+        for rows in bands(u.shape):
+            inside = inside_image(u[rows], v[rows], self.width, self.height)
+            for stored, exact in ((self.u, u), (self.v, v)):
+                difference = stored[rows] * scale
+                difference -= exact[rows]
+                np.abs(difference, out=difference)
+                difference *= inside
+                largest = max(largest, float(difference.max()))
+        return largest
 
     def error(self, u, v):
         """Error statistics against the float64 map ``u, v`` (px, shape (height, width)).
@@ -125,19 +144,29 @@ class Coordinates:
 
         Returns the plan's ``error`` entry, lengths in px.
         """
-        inside = inside_image(u, v, self.width, self.height)
-        pixels = int(np.count_nonzero(inside))
+        scale = 2.0**-self.fraction_bits
+        magnitudes = {name: np.empty(u.size) for name in "uv"}
+        rounded = {name: [] for name in "uv"}
+        pixels, squared = 0, 0.0
+        for rows in bands(u.shape):
+            inside = inside_image(u[rows], v[rows], self.width, self.height)
+            counted = slice(pixels, pixels + int(np.count_nonzero(inside)))
+            pixels, squares = counted.stop, np.zeros(counted.stop - counted.start)
+            for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
+                used, exact = stored[rows][inside] * scale, in_map[rows][inside]
+                difference = used - exact
+                squares += difference * difference
+                np.abs(difference, out=magnitudes[name][counted])
+                off = np.abs(np.floor(used + 0.5) - np.floor(exact + 0.5))
+                rounded[name].append((off.sum(), off.max(initial=0)))
+            squared = max(squared, squares.max(initial=0))
         if not pixels:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
-        scale = 2.0**-self.fraction_bits
-        result, rounded, squared = {}, {}, 0.0
-        for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
-            used, exact = stored[inside] * scale, in_map[inside]
-            difference = used - exact
-            squared = squared + difference * difference
-            result[name] = _statistics(np.abs(difference))
-            rounded[name] = _statistics(np.abs(np.floor(used + 0.5) - np.floor(exact + 0.5)))
-        return {**result, "euclidean_max": float(np.sqrt(squared.max())), "pixels": pixels, "rounded": rounded}
+        result = {name: _statistics(magnitude[:pixels]) for name, magnitude in magnitudes.items()}
+        for name, parts in rounded.items():
+            sums, greatest = zip(*parts)
+            rounded[name] = {"mean": float(sum(sums) / pixels), "max": float(max(greatest))}
+        return {**result, "euclidean_max": float(np.sqrt(squared)), "pixels": pixels, "rounded": rounded}
 
 
 def inside_image(u, v, width, height):

@@ -1,5 +1,6 @@
 """Verilog-2001 of a component."""
 
+import gc
 import re
 import subprocess
 import sys
@@ -56,7 +57,7 @@ def convert(component, name, header=""):
 
     Raises ToolError with Yosys's message where the conversion fails.
     """
-    with _zero_memories_uninitialised():
+    with _zero_memories_uninitialised(), _no_collections():
         text = rtlil.convert(component, name=name, emit_src=False)
     script = _SCRIPT.format(
         rtlil=text, attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES)
@@ -89,6 +90,18 @@ def _joined(initial):
     a_line = max((_LINE - len("  initial begin  end")) // (max(map(len, words)) + 1), -(-len(words) // _LINES), 1)
     lines = (words[first : first + a_line] for first in range(0, len(words), a_line))
     return "".join(f"  initial begin {' '.join(line)} end\n" for line in lines)
+
+
+@contextmanager
+def _no_collections():
+    """Within it, Python does not look for garbage: again and again it would go through all words of all memories."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 @contextmanager
