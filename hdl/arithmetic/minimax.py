@@ -10,7 +10,8 @@ GRID = 16  # points along each side of the first grid, and four more for each fu
 TILES = 12  # the frame is searched for violated points in that many tiles a side
 EXCHANGES = 40
 ABSOLUTE = 1e-6  # precision of the error found, px
-ROUNDING = 1e-6  # relative precision of a lower bound
+ROUNDS = 10  # of least squares, for a lower bound
+ROUNDING = 1e-6  # its relative precision
 
 
 def outside_by(u, v):
@@ -65,18 +66,30 @@ def minimax(across, down, terms, target, allowance, enough=np.inf, precision=0.0
     return coefficients, worst
 
 
-def at_least(across, down, terms, target, allowance):
-    """A lower bound, px, of the error that `minimax` finds, and of that of its first linear program, at little cost.
+def at_least(columns, target):
+    """A lower bound of the largest error, px, of columns @ coefficients, whatever these are, at little cost.
 
-    What least squares leave is orthogonal to all the functions. Weighted by it, the error of any sum of them has the
-    same mean, which is no larger than the largest error.
+    What weighted least squares leave, times its weight, is orthogonal to the columns. The mean of the error, so
+    weighted, is therefore the same for all coefficients, and no larger than the largest error. Weights that grow where
+    much is left, as in Lawson's method, bring it close to that.
     """
+    weight, bound = np.ones(len(target)), 0.0
+    for _ in range(ROUNDS):
+        root = np.sqrt(weight)
+        orthogonal = np.linalg.qr(columns * root[:, None])[0]
+        left = target * root
+        left -= orthogonal @ (orthogonal.T @ left)
+        bound = max(bound, left @ left / max(np.abs(left * root).sum(), np.finfo(float).tiny))
+        error = np.abs(left) / root
+        weight *= error / error.max(initial=np.finfo(float).tiny) + 0.02
+    return (1 - ROUNDING) * float(bound)
+
+
+def least_error(across, down, terms, target, allowance):
+    """A lower bound, px, of the error that `minimax` finds, and of that of its first linear program."""
     points = _first_points(allowance, across.shape[1], down.shape[1])
     points = points[allowance.ravel()[points] == 0]
-    columns, target, _ = _samples(across, down, terms, target, allowance, points)
-    orthogonal = np.linalg.qr(columns)[0]
-    left = target - orthogonal @ (orthogonal.T @ target)
-    return (1 - ROUNDING) * float(left @ left / max(np.abs(left).sum(), np.finfo(float).tiny))
+    return at_least(*_samples(across, down, terms, target, allowance, points)[:2])
 
 
 def _samples(across, down, terms, target, allowance, points):

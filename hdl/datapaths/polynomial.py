@@ -8,7 +8,7 @@ import numpy as np
 from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.differences import DifferenceAccumulator, DifferenceForm, functions_along
-from hdl.arithmetic.minimax import at_least, minimax, outside_by
+from hdl.arithmetic.minimax import least_error, minimax, outside_by
 from hdl.datapaths.base import Datapath, check_budget, fitted_budget
 from hdl.datapaths.proposed import AccumulatedCoordinates
 from hdl.errors import BudgetError
@@ -128,7 +128,7 @@ class _Search:
         hopeless = []
         for degree in DEGREES:
             basis = _basis(self.exact.shape, degree, 1)
-            least = basis.at_least(self.exact, self.allowance)
+            least = basis.least_error(self.exact, self.allowance)
             if least > self.slack:
                 hopeless.append((least, degree))
                 continue
@@ -232,9 +232,9 @@ class _Basis:
         """`minimax` by these functions: coefficients of orthogonal ones, and the error, px."""
         return minimax(*self._orthogonal, self.terms, target, allowance, enough, precision)
 
-    def at_least(self, target, allowance):
-        """`at_least` by these functions, px."""
-        return at_least(*self._orthogonal, self.terms, target, allowance)
+    def least_error(self, target, allowance):
+        """`least_error` by these functions, px."""
+        return least_error(*self._orthogonal, self.terms, target, allowance)
 
     @cached_property
     def grid(self):

@@ -7,11 +7,15 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from hdl.arithmetic.bands import banded, bands
+from hdl.arithmetic.minimax import at_least
 
 # Columns that a cell must have, so that the words of the next one can be loaded meanwhile.
 LEAST_CELL = 6
 # Weight of pixels whose source is outside the image: enough to keep the surface from running away there.
 OUTSIDE = 1e-5
+SAMPLES = 400_000  # of a frame; at most about as many
+# Of these, each way in a cell, for a lower bound.
+FEW = 5, 8
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,33 @@ class Cells:
         return np.cumsum(values, axis=0, out=values), slopes
 
 
+def _samples(cells):
+    """The rows and the columns that are looked at."""
+    spacing, pixels = 1, cells.width * cells.height
+    while pixels > SAMPLES * spacing**2 and 2 * spacing < min(cells.cell_width, cells.slope_rows, 8):
+        spacing *= 2
+    # The last row and column, too: beyond them nothing holds the surface.
+    return (np.unique(np.append(np.arange(0, size, spacing), size - 1)) for size in (cells.height, cells.width))
+
+
+def least_error(cells, target, inside):
+    """A lower bound of the error of a `Fit`, px, at little cost: that of the cells at both sides, where lenses bend
+    most."""
+    rows, columns = _samples(cells)
+    across, down = FEW
+    rows = rows[:: max(1, round(cells.cell_height / (rows[1] * down)))]
+    bounds = []
+    for side in (0, cells.columns - 1):
+        x = columns[cells.place[0][columns] == side]
+        x = x[np.linspace(0, len(x) - 1, min(across, len(x))).round().astype(int)]
+        along = (cells.place[1][x] / cells.cell_width)[:, None]
+        basis = (cells.basis[rows] / cells.scale)[:, None]
+        counts = inside[np.ix_(rows, x)]
+        functions = np.concatenate([basis * (1 - along), basis * along], axis=2)
+        bounds.append(at_least(functions[counts], target[np.ix_(rows, x)][counts]))
+    return max(bounds)
+
+
 class Fit:
     """Controls, float64 (columns + 1, rows + 2), of the spline closest to ``target`` in the maximum norm.
 
@@ -122,16 +153,10 @@ class Fit:
     """
 
     STEPS = 6
-    SAMPLES = 400_000  # at most about as many
 
     def __init__(self, cells, target, inside):
         self.cells = cells
-        spacing = 1
-        while target.size > self.SAMPLES * spacing**2 and 2 * spacing < min(cells.cell_width, cells.slope_rows, 8):
-            spacing *= 2
-        # The last row and column, too: beyond them nothing holds the surface.
-        rows = np.unique(np.append(np.arange(0, cells.height, spacing), cells.height - 1))
-        columns = np.unique(np.append(np.arange(0, cells.width, spacing), cells.width - 1))
+        rows, columns = _samples(cells)
         self.basis = cells.basis[rows] / cells.scale
         cell, along = (part[columns] for part in cells.place)
         self.samples = np.bincount(cell)  # of each cell along a row

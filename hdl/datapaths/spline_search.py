@@ -5,7 +5,7 @@ from amaranth.utils import ceil_log2, exact_log2
 
 from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import block_rams
-from hdl.datapaths.spline_fit import Cells, Fit
+from hdl.datapaths.spline_fit import Cells, Fit, least_error
 from hdl.datapaths.spline_surface import Surface
 from hdl.errors import BudgetError
 
@@ -31,7 +31,7 @@ class SplineSearch:
         u, v = view.map()
         self.inside = view.inside
         self.targets = u, v - np.arange(view.height)[:, None]
-        self.reached = np.inf
+        self.reached, self.hopeless = np.inf, []
 
     def best(self):
         """The cheapest `Spline` within the budget; raises InputError where there is none."""
@@ -43,10 +43,22 @@ class SplineSearch:
             if candidate and (not found or candidate.cost.ramb18 < found.cost.ramb18):
                 found = candidate
         if not found:
+            self._fit_hopeless()
             if not np.isfinite(self.reached):
                 self._fit_finest()
             raise BudgetError(self.budget, self.reached, f"spline for the {self.view.side} camera")
         return found
+
+    def _fit(self, cells, target):
+        fit = Fit(cells, target, self.inside)
+        self.reached = min(self.reached, fit.error + self.budget - self.slack)
+        return fit
+
+    def _fit_hopeless(self):
+        """Find out what those reach that were known to be beyond the budget."""
+        for least, cells, target in sorted(self.hopeless, key=lambda entry: entry[0]):
+            if least + self.budget - self.slack < self.reached:
+                self._fit(cells, target)
 
     def _fit_finest(self):
         """Find out what the finest cells reach."""
@@ -76,8 +88,11 @@ class SplineSearch:
     def _quantised(self, cells):
         fits = []
         for target in self.targets:
-            fits.append(Fit(cells, target, self.inside))
-            self.reached = min(self.reached, fits[-1].error + self.budget - self.slack)
+            least = least_error(cells, target, self.inside)
+            if least > self.slack:
+                self.hopeless.append((least, cells, target))
+                return None
+            fits.append(self._fit(cells, target))
             if fits[-1].error > self.slack:
                 return None
         lengths = sorted(
