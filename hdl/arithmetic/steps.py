@@ -201,7 +201,7 @@ def step_cost(step, widths, dsp):
     dsp : bool
         Whether DSP blocks make the products.
     """
-    return _step_cost(step, widths[step.operands[0]], widths[step.operands[-1]], widths[step.name], dsp)
+    return _step_cost(step, widths[step.a], widths[step.operands[-1]], widths[step.name], dsp)
 
 
 @lru_cache(maxsize=1 << 14)

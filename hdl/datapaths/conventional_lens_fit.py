@@ -69,7 +69,7 @@ class LensFit:
         inside = view.inside[y, x]
         self.positions = x[inside], y[inside]
         self.exact = {axis: exact[y[inside], x[inside]] + self.half for axis, exact in zip("uv", view.map())}
-        self._known = {}
+        self.made, self._known = {}, {}
 
     def _measure_lens(self):
         """Exponents of 2 that are not below what occurs in the frame."""
@@ -202,7 +202,7 @@ class _Candidate:
         numerator = [above + raised * below for above, below in zip(fit.above, fit.below)]
         a = self._polynomial("numerator", numerator, r2, finer)
         b = self._polynomial("denominator", fit.below, r2, finer + fit.bias_bits + 1)
-        return self._add(Quotient("radial", bits, a, b, fit.bias_bits))
+        return self._add(Quotient, "radial", bits, a, b, fit.bias_bits)
 
     def _polynomial(self, name, coefficients, r2, bits):
         """coefficients[0] + r2*(coefficients[1] + r2*...), by Horner's rule; None if all are, or round to, 0."""
@@ -220,10 +220,10 @@ class _Candidate:
         """a*b + plus; b None for 0."""
         if b is None:
             bits = self.bits.setdefault(name, bits)
-            return self._add(Scaled(name, bits, a, 0, bits - self.fraction[a], fixed(plus, bits)))
+            return self._add(Scaled, name, bits, a, 0, bits - self.fraction[a], fixed(plus, bits))
         exact = self.fraction[a] + self.fraction[b]
         bits = self.bits[name] = min(self.bits.get(name, bits), exact)
-        return self._add(Product(name, bits, a, b, fixed(plus, exact)))
+        return self._add(Product, name, bits, a, b, fixed(plus, exact))
 
     def _scaled(self, name, a, factor, bits, a_exponent, plus=0.0):
         """a*factor + plus; None for a factor that is, or rounds to, 0; a for a*1."""
@@ -237,7 +237,7 @@ class _Candidate:
             return a
         exact = self.fraction[a] + factor_bits
         bits = self.bits[name] = min(self.bits.get(name, bits), exact)
-        return self._add(Scaled(name, bits, a, integer, factor_bits, fixed(plus, exact)))
+        return self._add(Scaled, name, bits, a, integer, factor_bits, fixed(plus, exact))
 
     def _sum(self, name, *terms, bits=None):
         """The sum of the terms that there are; the term itself if there is one, None if there is none."""
@@ -245,15 +245,20 @@ class _Candidate:
         for index, term in enumerate(rest, 1):
             exact = max(self.fraction[total], self.fraction[term])
             if index < len(rest):
-                total = self._add(Sum(f"{name}_{index}", exact, total, term))
+                total = self._add(Sum, f"{name}_{index}", exact, total, term)
             else:
-                total = self._add(Sum(name, exact if bits is None else bits, total, term))
+                total = self._add(Sum, name, exact if bits is None else bits, total, term)
         return total
 
-    def _add(self, step):
+    def _add(self, kind, name, bits, *rest):
+        # Candidates have most steps in common.
+        key = kind, name, bits, *rest
+        step = self.fit.made.get(key)
+        if not step:
+            step = self.fit.made[key] = kind(name, bits, *rest)
         self.steps.append(step)
-        self.fraction[step.name] = step.bits
-        return step.name
+        self.fraction[name] = bits
+        return name
 
     @cached_property
     def cost(self):
@@ -264,7 +269,8 @@ class _Candidate:
         forms = sum(bits[f"form_{axis}"] + bias[axis].bit_length() for axis in "uv") + bits["z"]
         lut = 2 * stages * (divisor + 2) + 4 * forms + bits["kept_u"] + bits["kept_v"]
         ff = 3 * stages * divisor + 2 * forms
-        widths = {name: max(1, self.fit.exponents.get(name, 0) + 1 + bits) for name, bits in self.fraction.items()}
+        exponents = self.fit.exponents
+        widths = {name: max(1, exponents.get(name, 0) + 1 + bits) for name, bits in self.fraction.items()}
         for step in self.steps:
             step_lut, step_ff, _ = step_cost(step, widths, dsp=False)
             lut, ff = lut + step_lut, ff + step_ff
