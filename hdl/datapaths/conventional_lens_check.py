@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from hdl.arithmetic.bands import spread
 from hdl.arithmetic.steps import evaluate, in_range, span, spans_in_range
 
-CHUNK = 1 << 14  # pixels at a time: the arrays then stay in the cache
 NEAR = 0.85  # share of the budget from which on a pixel is remembered as one that later candidates may fail at
 
 
@@ -41,8 +41,8 @@ class EveryPixel:
 
     def __init__(self, view, fraction_bits, budget):
         self._view, self._scale, self._budget = view, 2.0**-fraction_bits, budget
+        self._shape = view.height, view.width
         self._x, self._y = np.arange(view.width), np.arange(view.height)[:, None]
-        self._parts = max(1, view.width * view.height // CHUNK)
         self._doubtful = np.empty(0, np.int64)  # flat indices
         self._ideal = {}  # X and Y of the last one that passed: int32 (height, width) by their keys
 
@@ -54,12 +54,9 @@ class EveryPixel:
             return False
         keys = {name: ideal_key(pinhole, ratio) for name, ratio in (("x", pinhole.u_ratio), ("y", pinhole.v_ratio))}
         before = {key: self._ideal[key] for key in keys.values() if key in self._ideal}
-        kept = {
-            key: before.get(key, np.empty((self._view.height, self._view.width), np.int32)) for key in keys.values()
-        }
+        kept = {key: before.get(key, np.empty(self._shape, np.int32)) for key in keys.values()}
         spans, near = {name: [] for name in keys}, [self._doubtful]
-        # Parts that are spread over the frame: the first one finds most of what there is to find.
-        for rows in (slice(part, None, self._parts) for part in range(self._parts)):
+        for rows in spread(self._shape):
             known = {key: (stored[rows].astype(np.int64), pinhole.fraction_bits) for key, stored in before.items()}
             given = ideal(pinhole, self._x, self._y[rows], known)
             for name, key in keys.items():
@@ -80,8 +77,8 @@ class EveryPixel:
             return False
         if spans_in_range(steps, {name: (min(ends), max(ends), pinhole.fraction_bits) for name, ends in spans.items()}):
             return True
-        parts = (ideal(pinhole, self._x, self._y[part :: self._parts]) for part in range(self._parts))
-        return all(in_range(steps, evaluate(steps, given)) for given in parts)
+        every = (ideal(pinhole, self._x, self._y[rows]) for rows in spread(self._shape))
+        return all(in_range(steps, evaluate(steps, given)) for given in every)
 
     def _errors(self, values, where):
         """The greater error of both axes at the pixels ``where``, an index into the frame, px."""

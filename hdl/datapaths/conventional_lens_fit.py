@@ -282,7 +282,8 @@ class _Candidate:
         # The linear forms are in units of the quotients.
         relative = {name: self.bits[name] - fraction for name in ("kept_u", "kept_v", "form_u", "form_v")}
         fit = self.fit
-        return quantised(fit.pinhole, fit.rows, fit.bias, fit.size, fraction, {**self.bits, **relative})
+        words = quantised(fit.rows, fit.bias, fit.size, fraction, {**self.bits, **relative})
+        return fit.pinhole(*fit.size, fraction, *words)
 
     def values(self, x, y, known=None):
         """The integer model's values at the positions (x, y); ``known``: see `evaluate`."""
