@@ -1,7 +1,7 @@
 """Polynomials of the raster position by integer forward differences, and their accumulation over the raster."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb
 
 import numpy as np
@@ -10,6 +10,7 @@ from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.fixedpoint import Q
 
 
@@ -23,6 +24,14 @@ def functions_along(size, degree, cell):
         [1, *(cell * comb(i, k) + distance * comb(i, k - 1) for k in range(1, degree + 1))]
         for i, distance in (divmod(x, cell) for x in range(size))
     ]
+
+
+@lru_cache(maxsize=32)
+def wrapped_functions(size, degree, cell):
+    """`functions_along`, `wrapped`; read-only."""
+    array = wrapped(functions_along(size, degree, cell))
+    array.setflags(write=False)
+    return array
 
 
 def wrapped(integers):
@@ -63,12 +72,16 @@ class Sequence:
     starts: tuple[int, ...]
 
     @classmethod
-    def of(cls, order, array, rows):
-        """From int64 (height,) or (height, any), of which the first ``rows`` are in a cell."""
-        changing = int(np.bitwise_or.reduce(array ^ array.flat[0], axis=None))
+    def of(cls, order, parts, rows):
+        """From int64 arrays (height,) or (height, any), one below the other, of which the first ``rows`` rows are in a
+        cell."""
+        starts, spans, changing = [], [], 0
+        for part in parts:
+            starts += part.reshape(len(part), -1)[: rows - len(starts), 0].tolist()
+            spans += [int(part.min()), int(part.max())]
+            changing |= int(np.bitwise_or.reduce(part ^ starts[0], axis=None))
         fixed_bits = max((changing & -changing).bit_length() - 1, 0)
-        starts = array.reshape(len(array), -1)[:rows, 0].tolist()
-        return cls(order, int(array.min()), int(array.max()), fixed_bits, tuple(starts))
+        return cls(order, min(spans), max(spans), fixed_bits, tuple(starts))
 
     @property
     def stored(self):
@@ -131,14 +144,14 @@ class DifferenceForm:
 
     def values(self, rows=slice(None)):
         """The values at all pixels of some rows (an index into them), int64; in closed form, no accumulation."""
-        functions = wrapped(functions_along(self.width, self.degree, self.cell_width))
+        functions = wrapped_functions(self.width, self.degree, self.cell_width)
         return self.row_coefficients[: self.height][rows] @ functions.T
 
     @cached_property
     def row_coefficients(self):
         """What the functions of the column are multiplied by in each row and some beyond the last: int64."""
         rows = self.height + self.degree
-        sums = wrapped(functions_along(rows, self.degree, self.cell_height)) @ self.coefficients.T
+        sums = wrapped_functions(rows, self.degree, self.cell_height) @ self.coefficients.T
         if self.cell_height > 1 and self.degree > 1:
             finer = np.arange(rows) * self.coefficients[1, 1] + self.cell_height // 2
             sums[:, 1] = self.coefficients[1, 0] + (finer >> exact_log2(self.cell_height))
@@ -146,7 +159,7 @@ class DifferenceForm:
 
     def difference(self, k):
         """The k-th difference along the row, k >= 1: int64 (height, cells), in closed form."""
-        table = wrapped(functions_along(self.cells, self.degree - k, 1))
+        table = wrapped_functions(self.cells, self.degree - k, 1)
         return self.row_coefficients[: self.height, k:] @ table.T
 
     def jump(self, k):
@@ -167,12 +180,13 @@ class DifferenceForm:
         A jump's last difference, which is the same for all rows of cells, is the only one with a period.
         """
         found = {}
+        values = (self.values(rows) for rows in bands((self.height, self.width)))
         for k in range(self.degree + 1):
-            found[value_name(k)] = Sequence.of(k, self.difference(k) if k else self.values(), self.cell_height)
+            found[value_name(k)] = Sequence.of(k, [self.difference(k)] if k else values, self.cell_height)
         for k in range(self.degree):
             for n in range(self.degree - k):
                 down = np.diff(self.jump(k), n)[: self.height]
-                found[jump_name(k, n)] = Sequence.of(k + 1 + n, down, self.cell_height)
+                found[jump_name(k, n)] = Sequence.of(k + 1 + n, [down], self.cell_height)
         return found
 
     @property

@@ -5,6 +5,7 @@ integer and fraction bits: it stands for integer * 2**-fraction_bits.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -24,14 +25,22 @@ class Step:
     @property
     def operands(self):
         """Names of the values that it takes."""
-        return (self.a, self.b) if hasattr(self, "b") else (self.a,)
+        return (self.a,)
 
 
 @dataclass(frozen=True)
-class Product(Step):
+class _OfTwo(Step):
+    b: str
+
+    @property
+    def operands(self):
+        return self.a, self.b
+
+
+@dataclass(frozen=True)
+class Product(_OfTwo):
     """a*b + constant, rounded half up; the constant has the fraction bits of the exact product."""
 
-    b: str
     constant: int
 
 
@@ -45,17 +54,14 @@ class Scaled(Step):
 
 
 @dataclass(frozen=True)
-class Sum(Step):
+class Sum(_OfTwo):
     """a + b, rounded down."""
-
-    b: str
 
 
 @dataclass(frozen=True)
-class Quotient(Step):
+class Quotient(_OfTwo):
     """a/b - 2**bias_bits, rounded down. a >= 0, b > 0, a < 2**(bias_bits + 1) b; fraction bits: a <= b + quotient."""
 
-    b: str
     bias_bits: int
 
     @property
@@ -64,7 +70,7 @@ class Quotient(Step):
         return self.bits + self.bias_bits + 1
 
 
-def evaluate(steps, given):
+def evaluate(steps, given, known=None):
     """The integer model of a program.
 
     Parameters
@@ -73,6 +79,8 @@ def evaluate(steps, given):
         Each after those that it takes values from.
     given : dict of str to (int64 array, int)
         Stored integers and fraction bits of what is there at the start.
+    known : dict, optional
+        Keeps the values for later calls, which take those of equal steps from it that are of the same operands.
 
     Returns
     -------
@@ -81,22 +89,37 @@ def evaluate(steps, given):
     """
     values = dict(given)
     for step in steps:
-        (a, a_bits), (b, b_bits) = values[step.operands[0]], values[step.operands[-1]]
-        match step:
-            case Product():
-                stored = _rounded(a * b, step.constant, a_bits + b_bits - step.bits)
-            case Scaled():
-                stored = _rounded(a * step.factor, step.constant, a_bits + step.factor_bits - step.bits)
-            case Sum():
-                bits = max(a_bits, b_bits, step.bits)
-                stored = (a << (bits - a_bits)) + (b << (bits - b_bits)) >> (bits - step.bits)
-            case Quotient():
-                with np.errstate(divide="ignore"):
-                    stored = (a << (b_bits + step.bits - a_bits)) // b - (1 << (step.bits + step.bias_bits))
-            case _:
-                raise TypeError(f"{step!r} is no step")
-        values[step.name] = stored, step.bits
+        a, b = values[step.operands[0]], values[step.operands[-1]]
+        if known is None:
+            values[step.name] = _value(step, a, b)
+            continue
+        key = step, id(a), id(b)
+        if key not in known:
+            known[key] = _value(step, a, b), a, b  # kept with it, so that no other operand gets the same id
+        values[step.name] = known[key][0]
     return values
+
+
+def _value(step, a, b):
+    """(int64 array, int) of a step whose operands are such pairs too."""
+    (a, a_bits), (b, b_bits) = a, b
+    match step:
+        case Product():
+            stored = _rounded(a * b, step.constant, a_bits + b_bits - step.bits)
+        case Scaled():
+            stored = _rounded(a * step.factor, step.constant, a_bits + step.factor_bits - step.bits)
+        case Sum():
+            bits = max(a_bits, b_bits, step.bits)
+            stored = a << (bits - a_bits)
+            stored += b << (bits - b_bits) if bits > b_bits else b
+            stored >>= bits - step.bits
+        case Quotient():
+            with np.errstate(divide="ignore"):
+                stored = (a << (b_bits + step.bits - a_bits)) // b
+            stored -= 1 << (step.bits + step.bias_bits)
+        case _:
+            raise TypeError(f"{step!r} is no step")
+    return stored, step.bits
 
 
 def in_range(steps, values):
@@ -104,9 +127,24 @@ def in_range(steps, values):
 
     ``values`` as `evaluate` returns them.
     """
+    return spans_in_range(steps, {name: (*span(stored), bits) for name, (stored, bits) in values.items()})
+
+
+def span(stored):
+    """The least and the greatest of an array of integers."""
+    return int(stored.min()), int(stored.max())
+
+
+def spans_in_range(steps, spans):
+    """`in_range` by the least and greatest integer and the fraction bits of each value.
+
+    Where only the given values have a span, what the others can be at most follows from those: True is then certain,
+    False is not.
+    """
+    spans = dict(spans)
     for step in steps:
-        (a, a_bits), (b, b_bits) = values[step.operands[0]], values[step.operands[-1]]
-        largest_a, largest_b = (max(-int(operand.min()), int(operand.max())) for operand in (a, b))
+        (*a, a_bits), (*b, b_bits) = spans[step.operands[0]], spans[step.operands[-1]]
+        largest_a, largest_b = (max(-low, high) for low, high in (a, b))
         match step:
             case Product():
                 largest = largest_a * largest_b + abs(step.constant)
@@ -117,14 +155,18 @@ def in_range(steps, values):
                 largest = (largest_a << (bits - a_bits)) + (largest_b << (bits - b_bits))
             case Quotient():
                 shift = b_bits + step.bits - a_bits
-                if shift < 0 or a.min() < 0 or b.min() <= 0:
-                    return False
-                if values[step.name][0].max() >= 1 << (step.quotient_bits - 1):
+                if shift < 0 or a[0] < 0 or b[0] <= 0:
                     return False
                 largest = largest_a << shift
             case _:
                 raise TypeError(f"{step!r} is no step")
         if largest >= 1 << 62:
+            return False
+        if step.name not in spans:
+            # Each step is monotone in either operand.
+            found = [_value(step, (one, a_bits), (other, b_bits))[0] for one in a for other in b]
+            spans[step.name] = min(found), max(found), step.bits
+        if isinstance(step, Quotient) and spans[step.name][1] >= 1 << (step.quotient_bits - 1):
             return False
     return True
 
@@ -159,7 +201,11 @@ def step_cost(step, widths, dsp):
     dsp : bool
         Whether DSP blocks make the products.
     """
-    a, b, width = (widths[name] for name in (step.operands[0], step.operands[-1], step.name))
+    return _step_cost(step, widths[step.a], widths[step.operands[-1]], widths[step.name], dsp)
+
+
+@lru_cache(maxsize=1 << 14)
+def _step_cost(step, a, b, width, dsp):
     match step:
         case Product() if dsp:
             return 0, 0, dsp_blocks(a, b)
@@ -179,4 +225,7 @@ def step_cost(step, widths, dsp):
 
 
 def _rounded(values, constant, dropped):
-    return (values + (constant + (1 << dropped >> 1))) >> dropped
+    """``values``, which are changed, plus ``constant``, without the last ``dropped`` bits."""
+    values += constant + (1 << dropped >> 1)
+    values >>= dropped
+    return values

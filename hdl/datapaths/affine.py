@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.linear import LinearForm
 from hdl.arithmetic.minimax import minimax, outside_by
 from hdl.datapaths.base import ARITHMETIC_ERROR
@@ -63,7 +64,7 @@ class _Fit:
         a, b = 2 * across / (width - 1), 2 * down / (height - 1)
         self.coefficients = a, b, constant - across - down
         x, y = np.arange(width), np.arange(height)[:, None]
-        least = np.abs(a * x + b * y + self.coefficients[2] - exact)[counts].max()
+        least = self._largest(lambda rows: a * x + b * y[rows] + self.coefficients[2])
         # Of the model with coefficients that are as good as exact.
         self.reachable = float(least) + 2.0 ** -(fraction_bits + 1) + ARITHMETIC_ERROR
 
@@ -80,6 +81,16 @@ class _Fit:
     def error(self, form, step=1):
         """Largest error, px, of the integer model at the pixels that count, in every ``step``-th row."""
         height, width = self.exact.shape
-        x, y = np.arange(width), np.arange(0, height, step)[:, None]
-        used = (form.values(x, y) >> (form.fraction_bits - self.fraction_bits)) * 2.0**-self.fraction_bits
-        return float(np.abs(used - self.exact[::step])[self.counts[::step]].max(initial=0))
+        x, y = np.arange(width), np.arange(height)[:, None]
+        dropped, scale = form.fraction_bits - self.fraction_bits, 2.0**-self.fraction_bits
+        return self._largest(lambda rows: (form.values(x, y[rows]) >> dropped) * scale, step)
+
+    def _largest(self, used, step=1):
+        largest = 0.0
+        for rows in bands(self.exact.shape, step):
+            error = used(rows)
+            error -= self.exact[rows]
+            np.abs(error, out=error)
+            error *= self.counts[rows]
+            largest = max(largest, float(error.max()))
+        return largest

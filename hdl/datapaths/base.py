@@ -117,6 +117,11 @@ class Datapath(ABC):
         the caller checks in any case."""
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width)."""
+        return self.height, self.width
+
+    @property
     @abstractmethod
     def coordinates(self) -> Coordinates:
         """The integer model: the `Coordinates` that the hardware computes, bit for bit."""

@@ -7,12 +7,14 @@ import numpy as np
 from amaranth import Module
 from amaranth.lib import wiring
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.fixedpoint import Q
 from hdl.arithmetic.pipeline import Pipeline
 from hdl.arithmetic.steps import delays, evaluate, step_cost, waits
 from hdl.datapaths.base import Datapath
-from hdl.datapaths.conventional_lens_fit import CHUNK, LensFit, ideal
+from hdl.datapaths.conventional_lens_check import ideal
+from hdl.datapaths.conventional_lens_fit import LensFit
 from hdl.datapaths.projective import Projective
 from hdl.geometry.coordinates import Coordinates
 
@@ -76,14 +78,13 @@ class ConventionalLens(Datapath):
         """`Coordinates` of the frame, and the `Q` of each value, which holds it in the whole frame."""
         u, v = (np.empty((self.height, self.width), np.int32) for _ in range(2))
         spans = {}
-        rows = max(1, CHUNK // self.width)
-        for top in range(0, self.height, rows):
-            y = np.arange(top, min(top + rows, self.height))
-            values = evaluate(self.steps, ideal(self.pinhole, np.arange(self.width), y[:, None]))
+        x, y = np.arange(self.width), np.arange(self.height)[:, None]
+        for rows in bands(self.shape):
+            values = evaluate(self.steps, ideal(self.pinhole, x, y[rows]))
             for name, (stored, bits) in values.items():
                 low, high, _ = spans.get(name, (0, 0, bits))
                 spans[name] = min(low, int(stored.min())), max(high, int(stored.max())), bits
-            u[y], v[y] = values["u"][0], values["v"][0]
+            u[rows], v[rows] = values["u"][0], values["v"][0]
         return Coordinates(u, v, self.fraction_bits), {name: Q.covering(*span) for name, span in spans.items()}
 
     @property

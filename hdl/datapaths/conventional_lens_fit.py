@@ -6,9 +6,18 @@ from math import ceil, log2
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
-from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum, evaluate, in_range, step_cost
+from hdl.arithmetic.steps import (
+    Product,
+    Quotient,
+    Scaled,
+    Sum,
+    evaluate,
+    in_range,
+    step_cost,
+)
 from hdl.calibration.rig import SIDES
 from hdl.datapaths.base import word_length_budget
+from hdl.datapaths.conventional_lens_check import EveryPixel, ideal
 from hdl.datapaths.projective import quantised
 from hdl.datapaths.word_lengths import shortest
 from hdl.errors import BudgetError
@@ -20,15 +29,7 @@ MOST_BITS = 29  # of X and Y, before the point and after it
 LEAST_TERMS = -30  # exponent of 2
 FEWEST = {"pinhole": 1, "divisor": 6, "z": 6}
 GRID = 36  # points of the sample along each side of the frame
-CHUNK = 1 << 15  # pixels at a time: the arrays then stay in the cache
-
-
-def ideal(pinhole, x, y):
-    """X and Y at the positions (x, y), as `evaluate` takes them."""
-    return {
-        name: (pinhole.coordinate(ratio, x, y), pinhole.fraction_bits)
-        for name, ratio in (("x", pinhole.u_ratio), ("y", pinhole.v_ratio))
-    }
+KEPT = 500  # values at the sample that are kept for candidates that have them in common
 
 
 class LensFit:
@@ -50,13 +51,13 @@ class LensFit:
     def __init__(self, pinhole, view, fraction_bits, max_error):
         self.pinhole, self.view, self.fraction_bits = pinhole, view, fraction_bits
         self.size = view.width, view.height
-        k1, k2, self.p1, self.p2, k3, *below = _coefficients(view)
+        k1, k2, self.p1, self.p2, k3, *below = _coefficients(view).tolist()
         self.budget = word_length_budget(max_error, fraction_bits)
         self.half = 2.0 ** -(fraction_bits + 1)
-        (self.fx, self.skew, _), (_, self.fy, _), _ = view.camera.K
+        (self.fx, self.skew, self.cx), (_, self.fy, self.cy), _ = view.camera.K.tolist()
         # Polynomials in r2, px^2.
         per_power = self.fx ** -np.arange(0, 8, 2.0)
-        self.above, self.below = np.array([1, k1, k2, k3]) * per_power, np.array([1, *below]) * per_power
+        self.above, self.below = ((np.array([1, *k]) * per_power).tolist() for k in ((k1, k2, k3), below))
         self.rows = dict(zip("uvz", np.vstack([view.camera.K[:2, :2] @ view.ray[:2], view.ray[2]])))
         x, y = (np.linspace(0, size - 1, min(size, GRID)).astype(int) for size in self.size)
         self.sample = x, y = [positions.ravel() for positions in np.meshgrid(x, y)]
@@ -68,6 +69,7 @@ class LensFit:
         inside = view.inside[y, x]
         self.positions = x[inside], y[inside]
         self.exact = {axis: exact[y[inside], x[inside]] + self.half for axis, exact in zip("uv", view.map())}
+        self.made, self._known = {}, {}
 
     def _measure_lens(self):
         """Exponents of 2 that are not below what occurs in the frame."""
@@ -94,8 +96,14 @@ class LensFit:
             raise self.view.fault(_field(self.view), self.view.camera.D, problem)
         # Before the last rounding, which has its share.
         limit = self.budget - self.half
+        every_pixel = EveryPixel(self.view, self.fraction_bits, self.budget)
         found = shortest(
-            lambda bits: _Candidate(self, bits), starts, FEWEST, error=self._error, limit=limit, meets=self._meets
+            lambda bits: _Candidate(self, bits),
+            starts,
+            FEWEST,
+            error=self._error,
+            limit=limit,
+            meets=lambda candidate: every_pixel.meets(candidate.pinhole, candidate.steps),
         )
         if found is None:
             reached = self.half + self._error(starts[-1])
@@ -123,29 +131,15 @@ class LensFit:
 
     def _error(self, candidate):
         """The greatest error at the sample, px, before the last rounding."""
-        values = candidate.values(*self.positions)
+        if len(self._known) > KEPT:
+            self._known.clear()
+        values = candidate.values(*self.positions, self._known)
         worst = 0.0
         for step in candidate.steps:
             if step.name in self.exact:
                 sum_ = sum(stored * 2.0**-bits for stored, bits in (values[name] for name in step.operands))
                 worst = max(worst, np.abs(sum_ - self.exact[step.name]).max())
         return worst
-
-    def _meets(self, candidate):
-        """Whether every pixel whose source is inside is within the budget, and nothing overflows at any pixel."""
-        width, height = self.size
-        x, parts = np.arange(width), max(1, width * height // CHUNK)
-        inside = self.view.inside
-        # Parts that are spread over the frame: the first one finds most of what there is to find.
-        for rows in (slice(part, None, parts) for part in range(parts)):
-            values = candidate.values(x, np.arange(height)[rows, None])
-            if not in_range(candidate.steps, values):
-                return False
-            for name, exact in zip("uv", self.view.map()):
-                used = values[name][0] * 2.0**-self.fraction_bits
-                if np.abs(used - exact[rows])[inside[rows]].max(initial=0) > self.budget:
-                    return False
-        return True
 
 
 class _Candidate:
@@ -171,7 +165,7 @@ class _Candidate:
     def _add_lens(self, precision, relative):
         """The steps from X and Y; ``relative``: fraction bits of what X and Y are multiplied by."""
         fit = self.fit
-        (fx, skew, cx), (_, fy, cy), _ = fit.view.camera.K
+        fx, fy, skew = fit.fx, fit.fy, fit.skew
         squares = relative + fit.terms_exponent - fit.r2_exponent
         x = self._sum("x_plain", "x", self._scaled("x_skew", "y", -skew / fy, precision, fit.x_exponent))
         xx, yy = self._product("xx", x, x, squares), self._product("yy", "y", "y", squares)
@@ -185,8 +179,8 @@ class _Candidate:
             self._scaled("tangential_y", "y", 2 * fit.p1 / fy, relative, fit.x_exponent),
         )
         for axis, position, centre, bend in (
-            ("v", "y", cy, fit.p1 * fy / fx**2),
-            ("u", "x", cx, fit.p2 / fx + fit.p1 * skew / fx**2),
+            ("v", "y", fit.cy, fit.p1 * fy / fx**2),
+            ("u", "x", fit.cx, fit.p2 / fx + fit.p1 * skew / fx**2),
         ):
             self._sum(
                 axis,
@@ -199,20 +193,22 @@ class _Candidate:
     def _radial(self, r2, bits):
         """The radial part of the stretch; None for none."""
         fit = self.fit
-        if not fit.below[1:].any():
+        if not any(fit.below[1:]):
             return self._polynomial("radial", [0, *fit.above[1:]], r2, bits)
         bits = self.bits["radial"] = max(self.bits.get("radial", bits), -fit.bias_bits)
         finer = bits - fit.divisor_exponent
         # The bias, and half a unit, which rounds.
         raised = 2.0**fit.bias_bits + 2.0 ** -(bits + 1) - 1
-        a = self._polynomial("numerator", fit.above + raised * fit.below, r2, finer)
+        numerator = [above + raised * below for above, below in zip(fit.above, fit.below)]
+        a = self._polynomial("numerator", numerator, r2, finer)
         b = self._polynomial("denominator", fit.below, r2, finer + fit.bias_bits + 1)
-        return self._add(Quotient("radial", bits, a, b, fit.bias_bits))
+        return self._add(Quotient, "radial", bits, a, b, fit.bias_bits)
 
     def _polynomial(self, name, coefficients, r2, bits):
         """coefficients[0] + r2*(coefficients[1] + r2*...), by Horner's rule; None if all are, or round to, 0."""
         value = None
-        for power, plus in reversed(list(enumerate(coefficients[:-1]))):
+        for power in reversed(range(len(coefficients) - 1)):
+            plus = coefficients[power]
             step, finer = f"{name}_{power}", bits + power * self.fit.r2_exponent
             if value:
                 value = self._product(step, r2, value, finer, plus)
@@ -224,10 +220,10 @@ class _Candidate:
         """a*b + plus; b None for 0."""
         if b is None:
             bits = self.bits.setdefault(name, bits)
-            return self._add(Scaled(name, bits, a, 0, bits - self.fraction[a], fixed(plus, bits)))
+            return self._add(Scaled, name, bits, a, 0, bits - self.fraction[a], fixed(plus, bits))
         exact = self.fraction[a] + self.fraction[b]
         bits = self.bits[name] = min(self.bits.get(name, bits), exact)
-        return self._add(Product(name, bits, a, b, fixed(plus, exact)))
+        return self._add(Product, name, bits, a, b, fixed(plus, exact))
 
     def _scaled(self, name, a, factor, bits, a_exponent, plus=0.0):
         """a*factor + plus; None for a factor that is, or rounds to, 0; a for a*1."""
@@ -241,7 +237,7 @@ class _Candidate:
             return a
         exact = self.fraction[a] + factor_bits
         bits = self.bits[name] = min(self.bits.get(name, bits), exact)
-        return self._add(Scaled(name, bits, a, integer, factor_bits, fixed(plus, exact)))
+        return self._add(Scaled, name, bits, a, integer, factor_bits, fixed(plus, exact))
 
     def _sum(self, name, *terms, bits=None):
         """The sum of the terms that there are; the term itself if there is one, None if there is none."""
@@ -249,15 +245,20 @@ class _Candidate:
         for index, term in enumerate(rest, 1):
             exact = max(self.fraction[total], self.fraction[term])
             if index < len(rest):
-                total = self._add(Sum(f"{name}_{index}", exact, total, term))
+                total = self._add(Sum, f"{name}_{index}", exact, total, term)
             else:
-                total = self._add(Sum(name, exact if bits is None else bits, total, term))
+                total = self._add(Sum, name, exact if bits is None else bits, total, term)
         return total
 
-    def _add(self, step):
+    def _add(self, kind, name, bits, *rest):
+        # Candidates have most steps in common.
+        key = kind, name, bits, *rest
+        step = self.fit.made.get(key)
+        if not step:
+            step = self.fit.made[key] = kind(name, bits, *rest)
         self.steps.append(step)
-        self.fraction[step.name] = step.bits
-        return step.name
+        self.fraction[name] = bits
+        return name
 
     @cached_property
     def cost(self):
@@ -268,7 +269,8 @@ class _Candidate:
         forms = sum(bits[f"form_{axis}"] + bias[axis].bit_length() for axis in "uv") + bits["z"]
         lut = 2 * stages * (divisor + 2) + 4 * forms + bits["kept_u"] + bits["kept_v"]
         ff = 3 * stages * divisor + 2 * forms
-        widths = {name: max(1, self.fit.exponents.get(name, 0) + 1 + bits) for name, bits in self.fraction.items()}
+        exponents = self.fit.exponents
+        widths = {name: max(1, exponents.get(name, 0) + 1 + bits) for name, bits in self.fraction.items()}
         for step in self.steps:
             step_lut, step_ff, _ = step_cost(step, widths, dsp=False)
             lut, ff = lut + step_lut, ff + step_ff
@@ -280,11 +282,12 @@ class _Candidate:
         # The linear forms are in units of the quotients.
         relative = {name: self.bits[name] - fraction for name in ("kept_u", "kept_v", "form_u", "form_v")}
         fit = self.fit
-        return quantised(fit.pinhole, fit.rows, fit.bias, fit.size, fraction, {**self.bits, **relative})
+        words = quantised(fit.rows, fit.bias, fit.size, fraction, {**self.bits, **relative})
+        return fit.pinhole(*fit.size, fraction, *words)
 
-    def values(self, x, y):
-        """The integer model's values at the positions (x, y)."""
-        return evaluate(self.steps, ideal(self.pinhole, x, y))
+    def values(self, x, y, known=None):
+        """The integer model's values at the positions (x, y); ``known``: see `evaluate`."""
+        return evaluate(self.steps, ideal(self.pinhole, x, y, known), known)
 
 
 def exponent(value):

@@ -1,13 +1,14 @@
 """One polynomial over the whole frame for each coordinate, by forward differences: adders and registers, no memory."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.differences import DifferenceAccumulator, DifferenceForm, functions_along
-from hdl.arithmetic.minimax import minimax, outside_by
+from hdl.arithmetic.minimax import least_error, minimax, outside_by
 from hdl.datapaths.base import Datapath, check_budget, fitted_budget
 from hdl.datapaths.proposed import AccumulatedCoordinates
 from hdl.errors import BudgetError
@@ -67,11 +68,10 @@ class Polynomial(Datapath):
 
     @cached_property
     def coordinates(self):
-        u, v = (
-            (form.values() >> (form.fraction_bits - self.fraction_bits)).astype(np.int32)
-            for form in (self.u_form, self.v_form)
-        )
-        return Coordinates(u, v, self.fraction_bits)
+        def used(form):
+            return lambda rows: form.values(rows) >> (form.fraction_bits - self.fraction_bits)
+
+        return Coordinates.banded(self.shape, self.fraction_bits, used(self.u_form), used(self.v_form))
 
     @property
     def formats(self):
@@ -125,13 +125,17 @@ class _Search:
 
     def smallest(self):
         """A `DifferenceForm` within the budget, or None."""
+        hopeless = []
         for degree in DEGREES:
-            surface, error = _Basis(self.exact.shape, degree, 1).closest(
-                self.exact, self.allowance, self.slack, self.PRECISION
-            )
-            if error > self.slack:
-                self.reached = min(self.reached, error + self.rounding)
+            basis = _basis(self.exact.shape, degree, 1)
+            least = basis.least_error(self.exact, self.allowance)
+            if least > self.slack:
+                hopeless.append((least, degree))
                 continue
+            coefficients, error = self._closest(degree)
+            if error > self.slack:
+                continue
+            surface, largest = basis.on_grid(coefficients), basis.largest(coefficients)
             # Chords may take half of what is left: with less for the coefficients these would need more bits.
             chords = (self.slack - error) / 2
             best = None
@@ -139,33 +143,47 @@ class _Search:
                 # With fewer cells than that some of the functions are none.
                 if (min(self.exact.shape) - 1) // cell < degree:
                     continue
-                form = self._fewest_bits(_Basis(self.exact.shape, degree, cell), surface, chords)
+                form = self._fewest_bits(_basis(self.exact.shape, degree, cell), surface, largest, chords)
                 if form and (not best or form.register_bits < best.register_bits):
                     best = form
                 elif best:
                     break
             if best:
                 return best
+        for least, degree in reversed(hopeless):
+            if least + self.rounding < self.reached:
+                self._closest(degree)
         return None
+
+    def _closest(self, degree):
+        """The coefficients of the closest polynomial and its error, px; one that is beyond the slack is given up."""
+        basis = _basis(self.exact.shape, degree, 1)
+        coefficients, error = basis.closest(self.exact, self.allowance, self.slack, self.PRECISION)
+        if error > self.slack:
+            self.reached = min(self.reached, error + self.rounding)
+        return coefficients, error
 
     @property
     def slack(self):
         """What rounding to the output's fraction leaves of the budget, px."""
         return self.budget - self.rounding
 
-    def _fewest_bits(self, basis, surface, chords):
-        """The form closest to ``surface``, or None where its chords are off by more than ``chords`` px."""
-        lattice = basis.lattice(surface + self.rounding, 1 / (1 + self.allowance / self.slack))
+    def _fewest_bits(self, basis, surface, largest, chords):
+        """The form closest to ``surface`` on the grid, or None where its chords are off by more than ``chords`` px.
+
+        ``largest``: the greatest magnitude over the frame, px.
+        """
+        lattice = basis.lattice(surface + self.rounding, 1 / (1 + self.allowance[basis.grid] / self.slack))
         if lattice.error > chords:
             return None
-        most = MOST_BITS - int(np.abs(surface).max()).bit_length() - 1
+        most = MOST_BITS - int(largest).bit_length() - 1
         for bits in range(self.fraction_bits, most):
             coefficients, error = lattice.closest(bits)
             if error > self.budget:
                 continue
             form = basis.form(coefficients, bits)
             for step in (self.COARSE, 1):
-                error = self._error(form, slice(None, None, step))
+                error = self._error(form, step)
                 if error > self.budget:
                     self.reached = min(self.reached, error)
                     break
@@ -173,9 +191,21 @@ class _Search:
                 return form
         return None
 
-    def _error(self, form, rows):
-        used = (form.values(rows) >> (form.fraction_bits - self.fraction_bits)) * 2.0**-self.fraction_bits
-        return float((np.abs(used - self.exact[rows]) - ROUNDED_OUTSIDE / OUTSIDE * self.allowance[rows]).max())
+    def _error(self, form, step):
+        """Largest error beyond what is allowed outside, px, in every ``step``-th row."""
+        largest = -np.inf
+        for rows in bands(self.exact.shape, step):
+            error = (form.values(rows) >> (form.fraction_bits - self.fraction_bits)) * 2.0**-self.fraction_bits
+            error -= self.exact[rows]
+            np.abs(error, out=error)
+            error -= ROUNDED_OUTSIDE / OUTSIDE * self.allowance[rows]
+            largest = max(largest, float(error.max()))
+        return largest
+
+
+@lru_cache(maxsize=16)
+def _basis(shape, degree, cell):
+    return _Basis(shape, degree, cell)
 
 
 class _Basis:
@@ -194,20 +224,41 @@ class _Basis:
             ((across, down) for across in range(degree + 1) for down in range(degree + 1 - across)), key=sum
         )
 
+    @cached_property
+    def _orthogonal(self):
+        return [_orthogonal(functions) for functions in (self.across, self.down)]
+
     def closest(self, target, allowance, enough, precision):
-        """`minimax` by these functions: the surface, float64 (height, width), and its error, both px."""
-        across, down = (_orthogonal(functions) for functions in (self.across, self.down))
-        coefficients, error = minimax(across, down, self.terms, target, allowance, enough, precision)
-        return down @ coefficients.T @ across.T, error
+        """`minimax` by these functions: coefficients of orthogonal ones, and the error, px."""
+        return minimax(*self._orthogonal, self.terms, target, allowance, enough, precision)
+
+    def least_error(self, target, allowance):
+        """`least_error` by these functions, px."""
+        return least_error(*self._orthogonal, self.terms, target, allowance)
+
+    @cached_property
+    def grid(self):
+        """Index of the pixels that coefficients are rounded on."""
+        return np.ix_(*(np.unique(np.linspace(0, size - 1, self.GRID).round().astype(np.int64)) for size in self.shape))
+
+    def on_grid(self, coefficients):
+        """What `closest` found, px, at the pixels of the `grid`."""
+        y, x = (index.ravel() for index in self.grid)
+        across, down = self._orthogonal
+        return down[y] @ coefficients.T @ across[x].T
+
+    def largest(self, coefficients):
+        """The greatest magnitude of what `closest` found, px, at any pixel."""
+        across, down = self._orthogonal
+        return max(np.abs(down[rows] @ coefficients.T @ across.T).max() for rows in bands(self.shape))
 
     def lattice(self, target, weight):
-        """A `_Lattice` for ``target`` on a grid of pixels, with these weights."""
-        y, x = (np.unique(np.linspace(0, size - 1, self.GRID).round().astype(np.int64)) for size in self.shape)
-        grid = np.ix_(y, x)
+        """A `_Lattice` for ``target`` on the `grid`, with these weights."""
+        y, x = (index.ravel() for index in self.grid)
         down, across = self.down[y], self.across[x]
         columns = np.stack([np.outer(down[:, j], across[:, k]).ravel() for k, j in self.terms], axis=1)
         finer = [self.cell_height if term == (1, 1) else 1 for term in self.terms]
-        return _Lattice(columns / finer, target[grid].ravel(), weight[grid].ravel())
+        return _Lattice(columns / finer, target.ravel(), weight.ravel())
 
     def form(self, coefficients, bits):
         matrix = np.zeros((self.degree + 1, self.degree + 1), np.int64)

@@ -1,11 +1,12 @@
 """What `conventional` and `accumulate` share: Eq. 3's linear forms, their word lengths, and the division by z."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import ceil
 
 import numpy as np
 
+from hdl.arithmetic.bands import spread
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.divider import Divider
 from hdl.arithmetic.linear import LinearForm
@@ -59,7 +60,7 @@ class Projective(Datapath):
 
     @classmethod
     def fit(cls, view, fraction_bits, max_error=None):
-        return _WordLengths(cls, view, fraction_bits, word_length_budget(max_error, fraction_bits)).search()
+        return cls(view.width, view.height, fraction_bits, *_words(view, fraction_bits, max_error))
 
     @property
     def forms(self):
@@ -68,15 +69,16 @@ class Projective(Datapath):
 
     def coordinate(self, ratio, x, y):
         """u or v at the positions (x, y), int64, in units of 2**-fraction_bits px."""
-        divisor = self.z_form.values(x, y) >> (self.z_form.fraction_bits - self.divisor_bits)
-        dividend = ratio.dividend(x, y) << (self.divisor_bits - ratio.kept_bits)
-        return dividend // divisor - (ratio.bias << self.fraction_bits)
+        return _coordinate(ratio, self.z_form, self.divisor_bits, self.fraction_bits, x, y)
 
     @cached_property
     def coordinates(self):
         x, y = np.arange(self.width), np.arange(self.height)[:, None]
-        u, v = (self.coordinate(ratio, x, y).astype(np.int32) for ratio in (self.u_ratio, self.v_ratio))
-        return Coordinates(u, v, self.fraction_bits)
+
+        def used(ratio):
+            return lambda rows: self.coordinate(ratio, x, y[rows])
+
+        return Coordinates.banded(self.shape, self.fraction_bits, used(self.u_ratio), used(self.v_ratio))
 
     @property
     def formats(self):
@@ -128,12 +130,21 @@ def replace_fraction(q, fraction_bits):
     return replace(q, fraction_bits=fraction_bits)
 
 
-def quantised(datapath, rows, bias, size, fraction_bits, bits):
-    """A datapath with given word lengths.
+def _coordinate(ratio, z_form, divisor_bits, fraction_bits, x, y):
+    divisor = z_form.values(x, y)
+    divisor >>= z_form.fraction_bits - divisor_bits
+    quotient = ratio.dividend(x, y)
+    quotient <<= divisor_bits - ratio.kept_bits
+    quotient //= divisor
+    quotient -= ratio.bias << fraction_bits
+    return quotient
+
+
+def quantised(rows, bias, size, fraction_bits, bits):
+    """What given word lengths make of `Projective`: (u_ratio, v_ratio, z_form, divisor_bits).
 
     Parameters
     ----------
-    datapath : subclass of Projective
     rows : dict of "u", "v", "z" to (3,) float64
         Rows of the homography.
     bias : dict of "u", "v" to int
@@ -152,7 +163,13 @@ def quantised(datapath, rows, bias, size, fraction_bits, bits):
 
     divisor = bits["divisor"]
     z_form = LinearForm.quantise(rows["z"], bits["z"], *size, half=_half(divisor, bits["z"]))
-    return datapath(*size, fraction_bits, ratio("u"), ratio("v"), z_form, divisor)
+    return ratio("u"), ratio("v"), z_form, divisor
+
+
+@lru_cache(maxsize=1)
+def _words(view, fraction_bits, max_error):
+    """Of `Projective.fit`, whose subclasses have them in common."""
+    return _WordLengths(view, fraction_bits, word_length_budget(max_error, fraction_bits)).search()
 
 
 class _WordLengths:
@@ -162,14 +179,15 @@ class _WordLengths:
     miss the budget on a coarse grid are dropped there; one that passes is evaluated at every pixel.
     """
 
-    def __init__(self, datapath, view, fraction_bits, budget):
-        self.datapath, self.view, self.fraction_bits, self.budget = datapath, view, fraction_bits, budget
+    def __init__(self, view, fraction_bits, budget):
+        self.view, self.fraction_bits, self.budget = view, fraction_bits, budget
         self.exact = dict(zip("uv", view.map()))
         self.bias = {axis: max(0, ceil(-float(exact.min() - budget))) for axis, exact in self.exact.items()}
         self.row = dict(zip("uvz", np.asarray(view.homography) / np.sign(view.homography[2, 2])))
         step = max(1, min(view.width, view.height) // 60)
         coarse_x, coarse_y = (np.unique(np.r_[0:size:step, size - 1]) for size in (view.width, view.height))
-        self.grids = ((coarse_x, coarse_y), (np.arange(view.width), np.arange(view.height)))
+        self.coarse = coarse_x, coarse_y[:, None]
+        self.every = np.arange(view.width), np.arange(view.height)[:, None]
 
     def search(self):
         most = MOST_FRACTION_BITS
@@ -195,16 +213,21 @@ class _WordLengths:
 
     def build(self, bits):
         size = self.view.width, self.view.height
-        return quantised(self.datapath, self.row, self.bias, size, self.fraction_bits, bits)
+        return quantised(self.row, self.bias, size, self.fraction_bits, bits)
 
     def meets(self, bits, axis):
-        candidate = self.build(bits)
-        ratio = candidate.u_ratio if axis == "u" else candidate.v_ratio
-        for x, y in self.grids:
-            used = candidate.coordinate(ratio, x, y[:, None]) * 2.0**-self.fraction_bits
-            if np.abs(used - self.exact[axis][np.ix_(y, x)]).max() > self.budget:
-                return False
-        return True
+        *ratios, z_form, divisor_bits = self.build(bits)
+        ratio, exact = ratios["uv".index(axis)], self.exact[axis]
+
+        def error(x, y, exact):
+            used = _coordinate(ratio, z_form, divisor_bits, self.fraction_bits, x, y) * 2.0**-self.fraction_bits
+            used -= exact
+            return np.abs(used, out=used).max()
+
+        (x, y), (every_x, every_y) = self.coarse, self.every
+        return error(x, y, exact[y, x]) <= self.budget and all(
+            error(every_x, every_y[rows], exact[rows]) <= self.budget for rows in spread(exact.shape)
+        )
 
 
 def _half(kept, stored):

@@ -7,6 +7,7 @@ import numpy as np
 from amaranth import Module
 from amaranth.lib import wiring
 
+from hdl.arithmetic.bands import spread
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.linear import Accumulator, LinearForm, connect_accumulator
 from hdl.datapaths.base import ARITHMETIC_ERROR, Datapath, default_budget
@@ -47,11 +48,11 @@ class Proposed(Datapath):
     @cached_property
     def coordinates(self):
         x, y = np.arange(self.width), np.arange(self.height)[:, None]
-        u, v = (
-            (form.values(x, y) >> (form.fraction_bits - self.fraction_bits)).astype(np.int32)
-            for form in (self.u_form, self.v_form)
-        )
-        return Coordinates(u, v, self.fraction_bits)
+
+        def used(form):
+            return lambda rows: form.values(x, y[rows]) >> (form.fraction_bits - self.fraction_bits)
+
+        return Coordinates.banded(self.shape, self.fraction_bits, used(self.u_form), used(self.v_form))
 
     @property
     def formats(self):
@@ -73,17 +74,23 @@ class Proposed(Datapath):
 def _narrowest(row, width, height, fraction_bits):
     """The form with the fewest fraction bits that is within `default_budget` of ``row`` everywhere, once rounded."""
     x, y = np.arange(width), np.arange(height)[:, None]
-    corners = np.ix_([0, height - 1], [0, width - 1])
-    exact = row[0] * x + row[1] * y + row[2]
     half = 2.0 ** -(fraction_bits + 1)
+
+    def exact(x, y):
+        return row[0] * x + row[1] * y + row[2]
+
     for bits in range(fraction_bits, MOST_FRACTION_BITS):
         form = LinearForm.quantise(row, bits, width, height, half=half)
         # Before rounding the error is largest in a corner, which rejects hopeless formats without the whole frame.
         unrounded = form.values(x[[0, -1]], y[[0, -1]]) * 2.0**-bits - half
-        if np.abs(unrounded - exact[corners]).max() > 2 * ARITHMETIC_ERROR:
+        if np.abs(unrounded - exact(x[[0, -1]], y[[0, -1]])).max() > 2 * ARITHMETIC_ERROR:
             continue
-        rounded = (form.values(x, y) >> (bits - fraction_bits)) * 2.0**-fraction_bits
-        if np.abs(rounded - exact).max() <= default_budget(fraction_bits):
+
+        def error(rows, form=form):
+            rounded = (form.values(x, y[rows]) >> (form.fraction_bits - fraction_bits)) * 2.0**-fraction_bits
+            return np.abs(rounded - exact(x, y[rows])).max()
+
+        if all(error(rows) <= default_budget(fraction_bits) for rows in spread((height, width))):
             return form
     raise AssertionError(f"no accumulator of up to {MOST_FRACTION_BITS} fraction bits follows {row}")
 

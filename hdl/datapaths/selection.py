@@ -97,8 +97,7 @@ def choose(
         except InputError as refusal:
             others.append(Considered(name, None, None, None, refusal.problem))
             continue
-        error = datapath.coordinates.error(*view.map(), view.source_size)
-        worst = max(error["u"]["max"], error["v"]["max"])
+        worst = datapath.coordinates.largest_error(*view.map(), view.source_size)
         entry = Considered(name, datapath, worst, datapath.cost, "costs more")
         if worst <= budget:
             fitting.append(entry)

@@ -51,10 +51,13 @@ class Spline(Datapath):
     @cached_property
     def coordinates(self):
         shift = self.u_surface.value_bits - self.fraction_bits
-        rows = np.arange(self.height)[:, None] << self.fraction_bits
-        u = self.u_surface.values >> shift
-        v = (self.v_surface.values >> shift) + rows
-        return Coordinates(u.astype(np.int32), v.astype(np.int32), self.fraction_bits)
+        y = np.arange(self.height)[:, None] << self.fraction_bits
+        return Coordinates.banded(
+            self.shape,
+            self.fraction_bits,
+            lambda rows: self.u_surface.values(rows) >> shift,
+            lambda rows: (self.v_surface.values(rows) >> shift) + y[rows],
+        )
 
     @property
     def surfaces(self):
@@ -87,11 +90,11 @@ class Spline(Datapath):
         bends = [surface.bends for surface in self.surfaces]
         return Q.covering(min(b.min() for b in bends), max(b.max() for b in bends), self.u_surface.word_bits)
 
-    @property
+    @cached_property
     def formats(self):
         formats = {"value": self.value_format, "slope": self.slope_format, "bend": self.bend_format}
         for name, surface in (("u", self.u_surface), ("v_less_row", self.v_surface)):
-            formats[name] = Q.covering(int(surface.values.min()), int(surface.values.max()), surface.value_bits)
+            formats[name] = Q.covering(*surface.span, surface.value_bits)
             formats[f"{name}_increment"] = Q.covering(*surface.increments, surface.value_bits)
         return formats
 

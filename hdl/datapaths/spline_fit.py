@@ -6,10 +6,16 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from hdl.arithmetic.bands import banded, bands
+from hdl.arithmetic.minimax import at_least
+
 # Columns that a cell must have, so that the words of the next one can be loaded meanwhile.
 LEAST_CELL = 6
 # Weight of pixels whose source is outside the image: enough to keep the surface from running away there.
 OUTSIDE = 1e-5
+SAMPLES = 400_000  # of a frame; at most about as many
+# Of these, each way in a cell, for a lower bound.
+FEW = 5, 8
 
 
 @dataclass(frozen=True)
@@ -87,17 +93,42 @@ class Cells:
     @cached_property
     def _run(self):
         q = np.eye(self.rows + 2, dtype=np.int64)
-        value = self.cell_height * ((self.slopes + 1) * q[0] + (self.slopes - 1) * q[1]) // 2
-        slope = self.slopes * (q[1] - q[0])
-        values, slopes = [], []
-        for y in range(self.height):
-            values.append(value)
-            slopes.append(slope)
-            value = value + slope
-            if y % self.slope_rows == self.slope_rows - 1:
-                r = y // self.cell_height
-                slope = slope + q[r] - 2 * q[r + 1] + q[r + 2]
-        return np.array(values), np.array(slopes)
+        slopes, values = np.zeros((2, self.height, self.rows + 2), np.int64)
+        # What is added to the slope, then the slope itself; to the value, then the value itself.
+        slopes[0] = self.slopes * (q[1] - q[0])
+        changes = np.arange(self.slope_rows, self.height, self.slope_rows)
+        slopes[changes] = np.diff(q, n=2, axis=0)[(changes - 1) // self.cell_height]
+        np.cumsum(slopes, axis=0, out=slopes)
+        values[0] = self.cell_height * ((self.slopes + 1) * q[0] + (self.slopes - 1) * q[1]) // 2
+        values[1:] = slopes[:-1]
+        return np.cumsum(values, axis=0, out=values), slopes
+
+
+def _samples(cells):
+    """The rows and the columns that are looked at."""
+    spacing, pixels = 1, cells.width * cells.height
+    while pixels > SAMPLES * spacing**2 and 2 * spacing < min(cells.cell_width, cells.slope_rows, 8):
+        spacing *= 2
+    # The last row and column, too: beyond them nothing holds the surface.
+    return (np.unique(np.append(np.arange(0, size, spacing), size - 1)) for size in (cells.height, cells.width))
+
+
+def least_error(cells, target, inside):
+    """A lower bound of the error of a `Fit`, px, at little cost: that of the cells at both sides, where lenses bend
+    most."""
+    rows, columns = _samples(cells)
+    across, down = FEW
+    rows = rows[:: max(1, round(cells.cell_height / (rows[1] * down)))]
+    bounds = []
+    for side in (0, cells.columns - 1):
+        x = columns[cells.place[0][columns] == side]
+        x = x[np.linspace(0, len(x) - 1, min(across, len(x))).round().astype(int)]
+        along = (cells.place[1][x] / cells.cell_width)[:, None]
+        basis = (cells.basis[rows] / cells.scale)[:, None]
+        counts = inside[np.ix_(rows, x)]
+        functions = np.concatenate([basis * (1 - along), basis * along], axis=2)
+        bounds.append(at_least(functions[counts], target[np.ix_(rows, x)][counts]))
+    return max(bounds)
 
 
 class Fit:
@@ -122,56 +153,73 @@ class Fit:
     """
 
     STEPS = 6
-    SAMPLES = 400_000  # at most about as many
 
     def __init__(self, cells, target, inside):
         self.cells = cells
-        spacing = 1
-        while target.size > self.SAMPLES * spacing**2 and 2 * spacing < min(cells.cell_width, cells.slope_rows, 8):
-            spacing *= 2
-        # The last row and column, too: beyond them nothing holds the surface.
-        rows = np.unique(np.append(np.arange(0, cells.height, spacing), cells.height - 1))
-        columns = np.unique(np.append(np.arange(0, cells.width, spacing), cells.width - 1))
+        rows, columns = _samples(cells)
         self.basis = cells.basis[rows] / cells.scale
-        self.cell, along = (part[columns] for part in cells.place)
-        self.first = np.searchsorted(self.cell, np.arange(cells.columns))  # sample where each cell begins
+        cell, along = (part[columns] for part in cells.place)
+        self.samples = np.bincount(cell)  # of each cell along a row
+        self.first = np.cumsum(self.samples) - self.samples  # sample where each cell begins
         self.along = along / cells.cell_width
         self.target = target[np.ix_(rows, columns)]
         counts = inside[np.ix_(rows, columns)]
+        outside = None if counts.all() else ~counts
         weight = np.where(counts, 1.0, OUTSIDE)
         self.error, self.controls = np.inf, None
         for _ in range(self.STEPS):
             controls = self._solve(weight)
-            error = np.abs(self._surface(controls) - self.target)
-            worst = float(error[counts].max())
+            # In place: of new arrays that large the memory takes longer than the arithmetic.
+            error = self._error(controls)
+            if outside is not None:
+                error[outside] = 0
+            worst = float(error.max())
             if worst < self.error:
                 self.error, self.controls = worst, controls
-            weight = np.where(counts, weight * (error / worst + 0.02), 0)
-            weight = np.where(counts, weight / weight.max(), OUTSIDE * weight.mean() / weight.max())
+            error /= worst
+            error += 0.02
+            weight *= error
+            if outside is not None:
+                weight[outside] = 0
+            mean, largest = weight.mean(), weight.max()
+            weight /= largest
+            if outside is not None:
+                weight[outside] = OUTSIDE * mean / largest
 
-    def _surface(self, controls):
+    def _error(self, controls):
+        """Magnitude of the error at the samples, px."""
         nodes = self.basis @ controls.T
-        left = nodes[:, self.cell]
-        return left + (nodes[:, self.cell + 1] - left) * self.along
+        steps = np.diff(nodes, axis=1)
+
+        def part(rows):
+            error = np.repeat(steps[rows], self.samples, axis=1)
+            error *= self.along
+            error += np.repeat(nodes[rows, :-1], self.samples, axis=1)
+            error -= self.target[rows]
+            return np.abs(error, out=error)
+
+        return banded(self.target.shape, np.float64, part)
 
     def _solve(self, weight):
         a, b = 1 - self.along, self.along
+        height, n = self.basis.shape
+        nodes = self.cells.columns + 1
+        same, right_side = np.zeros((height, nodes)), np.zeros((height, nodes))
+        next_node = np.empty((height, nodes - 1))
 
         def in_cells(samples):
             return np.add.reduceat(samples, self.first, axis=1)
 
-        height, n = self.basis.shape
-        nodes = self.cells.columns + 1
-        same, right_side = np.zeros((height, nodes)), np.zeros((height, nodes))
-        next_node = in_cells(weight * (a * b))
-        same[:, :-1] += in_cells(weight * (a * a))
-        same[:, 1:] += in_cells(weight * (b * b))
-        moment = weight * self.target
-        right_side[:, :-1] += in_cells(moment * a)
-        right_side[:, 1:] += in_cells(moment * b)
+        for rows in bands(weight.shape):
+            next_node[rows] = in_cells(weight[rows] * (a * b))
+            same[rows, :-1] += in_cells(weight[rows] * (a * a))
+            same[rows, 1:] += in_cells(weight[rows] * (b * b))
+            moment = weight[rows] * self.target[rows]
+            right_side[rows, :-1] += in_cells(moment * a)
+            right_side[rows, 1:] += in_cells(moment * b)
         # Unknowns in the order node, control: each row of the matrix couples a node with itself and its neighbour, a
         # control with the two on either side.
-        bands = np.zeros((n + 3, nodes * n))
+        diagonals = np.zeros((n + 3, nodes * n))
 
         def put(products, node_step, control_step):
             first, last = max(0, -control_step), n - max(0, control_step)
@@ -179,11 +227,11 @@ class Fit:
             block = products.T @ pair
             row = np.arange(block.shape[0])[:, None] * n + np.arange(first, last)
             distance = node_step * n + control_step
-            bands[n + 2 - distance, row + distance] = block
+            diagonals[n + 2 - distance, row + distance] = block
 
         for control_step in range(3):
             put(same, 0, control_step)
         for control_step in range(-2, 3):
             put(next_node, 1, control_step)
-        bands[-1] += 1e-12 * bands[-1].max()
-        return solveh_banded(bands, (right_side.T @ self.basis).ravel(), overwrite_ab=True).reshape(nodes, n)
+        diagonals[-1] += 1e-12 * diagonals[-1].max()
+        return solveh_banded(diagonals, (right_side.T @ self.basis).ravel(), overwrite_ab=True).reshape(nodes, n)

@@ -3,8 +3,9 @@
 import numpy as np
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import block_rams
-from hdl.datapaths.spline_fit import Cells, Fit
+from hdl.datapaths.spline_fit import Cells, Fit, least_error
 from hdl.datapaths.spline_surface import Surface
 from hdl.errors import BudgetError
 
@@ -22,6 +23,7 @@ class SplineSearch:
     CELL_HEIGHTS = (128, 64, 32, 16, 8)
     SLOPES = (2, 4, 8)
     MOST_BITS = 12
+    STEPS = (97, 7, 1)  # rows from one to the next of those that are looked at: some first, all of them last
 
     def __init__(self, datapath, view, fraction_bits, budget):
         self.datapath = datapath
@@ -29,7 +31,7 @@ class SplineSearch:
         u, v = view.map()
         self.inside = view.inside
         self.targets = u, v - np.arange(view.height)[:, None]
-        self.reached = np.inf
+        self.reached, self.hopeless = np.inf, []
 
     def best(self):
         """The cheapest `Spline` within the budget; raises InputError where there is none."""
@@ -41,10 +43,22 @@ class SplineSearch:
             if candidate and (not found or candidate.cost.ramb18 < found.cost.ramb18):
                 found = candidate
         if not found:
+            self._fit_hopeless()
             if not np.isfinite(self.reached):
                 self._fit_finest()
             raise BudgetError(self.budget, self.reached, f"spline for the {self.view.side} camera")
         return found
+
+    def _fit(self, cells, target):
+        fit = Fit(cells, target, self.inside)
+        self.reached = min(self.reached, fit.error + self.budget - self.slack)
+        return fit
+
+    def _fit_hopeless(self):
+        """Find out what those reach that were known to be beyond the budget."""
+        for least, cells, target in sorted(self.hopeless, key=lambda entry: entry[0]):
+            if least + self.budget - self.slack < self.reached:
+                self._fit(cells, target)
 
     def _fit_finest(self):
         """Find out what the finest cells reach."""
@@ -61,13 +75,7 @@ class SplineSearch:
     def _cells(self):
         """Cells that may do."""
         view = self.view
-        bend_across, bend_down = (
-            max(
-                np.abs(np.diff(target, n=order, axis=axis)[_inner(self.inside, order, axis)]).max(initial=0)
-                for target in self.targets
-            )
-            for order, axis in ((2, 1), (3, 0))
-        )
+        bend_across = max(_bend(target, self.inside) for target in self.targets)
         for cell_width in self.CELL_WIDTHS:
             # A line through a parabola of that bend is off by at least this much, were only its ends free.
             if bend_across * cell_width**2 / 16 > 2 * self.slack or cell_width >= view.width:
@@ -80,15 +88,17 @@ class SplineSearch:
     def _quantised(self, cells):
         fits = []
         for target in self.targets:
-            fits.append(Fit(cells, target, self.inside))
-            self.reached = min(self.reached, fits[-1].error + self.budget - self.slack)
+            least = least_error(cells, target, self.inside)
+            if least > self.slack:
+                self.hopeless.append((least, cells, target))
+                return None
+            fits.append(self._fit(cells, target))
             if fits[-1].error > self.slack:
                 return None
         lengths = sorted(
             ((node, increment) for node in range(3, self.MOST_BITS) for increment in range(3, self.MOST_BITS)),
             key=lambda pair: (sum(pair), pair),
         )
-        coarse = np.arange(0, cells.height, 7)
         for node_bits, increment_bits in lengths:
             rounding = 2.0 ** -(node_bits + 1) + 2.0 ** -(increment_bits + 1)
             if max(fit.error for fit in fits) + rounding / 2 > self.slack:
@@ -107,24 +117,34 @@ class SplineSearch:
                 for fit in fits
             ]
             if all(
-                self._error(surface, target, rows) <= self.budget
-                for rows in (coarse, slice(None))
+                self._error(surface, target, step) <= self.budget
+                for step in self.STEPS
                 for surface, target in zip(surfaces, self.targets)
             ):
                 return self.datapath(cells.width, cells.height, self.fraction_bits, *surfaces)
         return None
 
-    def _error(self, surface, target, rows):
-        used = surface.values_in(rows) >> (surface.value_bits - self.fraction_bits)
-        return np.abs(used * 2.0**-self.fraction_bits - target[rows])[self.inside[rows]].max(initial=0)
+    def _error(self, surface, target, step):
+        """The largest error inside, px, in every ``step``-th row."""
+        largest = 0.0
+        for rows in bands(target.shape, step):
+            error = (surface.values(rows) >> (surface.value_bits - self.fraction_bits)) * 2.0**-self.fraction_bits
+            error -= target[rows]
+            np.abs(error, out=error)
+            error *= self.inside[rows]
+            largest = max(largest, float(error.max()))
+        return largest
 
 
-def _inner(inside, order, axis):
-    """Where a difference of this order has all its samples inside."""
-    length = inside.shape[axis] - order
-    return np.logical_and.reduce(
-        [np.take(inside, range(shift, shift + length), axis=axis) for shift in range(order + 1)]
-    )
+def _bend(target, inside):
+    """The greatest second difference along a row, of three pixels inside."""
+    largest = 0.0
+    for rows in bands(target.shape):
+        bend = np.abs(np.diff(target[rows], n=2))
+        among = inside[rows]
+        bend *= among[:, 2:] & among[:, 1:-1] & among[:, :-2]
+        largest = max(largest, bend.max(initial=0))
+    return largest
 
 
 def _cost(cells):

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from amaranth.utils import exact_log2
 
+from hdl.arithmetic.bands import bands
 from hdl.datapaths.spline_fit import Cells
 
 
@@ -75,13 +76,9 @@ class Surface:
         unit = self.word_bits + self.start_bits
         return (1 << (unit - self.fraction_bits - 1)) + ((1 << (unit - self.value_bits)) >> 1)
 
-    @cached_property
-    def values(self):
-        """The accumulator's value at every pixel, int64 (height, width), in units of 2**-value_bits px."""
-        return self.values_in(slice(None))
-
-    def values_in(self, rows):
-        """`values` in some rows (an index into them).
+    def values(self, rows=slice(None)):
+        """The accumulator's value at all pixels of some rows (an index into them), int64, in units of 2**-value_bits
+        px.
 
         In closed form: the nodes' values are rounded to the increment's units one by one, since the remainders are
         carried along the row.
@@ -92,8 +89,19 @@ class Surface:
         nodes = np.zeros((len(basis), cells.columns + 1), np.int64)
         nodes[:, 1:] = (travelled + ((1 << self.carry_bits) >> 1)) >> self.carry_bits
         cell, distance = cells.place
-        line = nodes[:, cell] * cells.cell_width + (nodes[:, cell + 1] - nodes[:, cell]) * distance
-        return line - cells.offset * nodes[:, 1:2] + start[:, None]
+        widths = np.bincount(cell)
+        first = nodes[:, :-1] * cells.cell_width - cells.offset * nodes[:, 1:2] + start[:, None]
+        line = np.repeat(np.diff(nodes, axis=1), widths, axis=1)
+        line *= distance
+        line += np.repeat(first, widths, axis=1)
+        return line
+
+    @cached_property
+    def span(self):
+        """Least and greatest of the `values`."""
+        parts = (self.values(rows) for rows in bands((self.cells.height, self.cells.width)))
+        lowest, highest = zip(*((int(part.min()), int(part.max())) for part in parts))
+        return min(lowest), max(highest)
 
     @cached_property
     def words(self):

@@ -61,12 +61,14 @@ class Table(Datapath):
     @classmethod
     def of(cls, view, fraction_bits):
         """The table for ``view``, of any size: for its figures, where it is too large to be built."""
+
         # All that lies outside the image is the border's, however far.
-        u, v = (
-            np.clip(np.floor(exact * 2.0**fraction_bits + 0.5), -1 << fraction_bits, size << fraction_bits)
-            for exact, size in zip(view.map(), view.source_size)
-        )
-        coordinates = Coordinates(u.astype(np.int32), v.astype(np.int32), fraction_bits)
+        def used(exact, size):
+            lowest, highest = -1 << fraction_bits, size << fraction_bits
+            return lambda rows: np.clip(np.floor(exact[rows] * 2.0**fraction_bits + 0.5), lowest, highest)
+
+        u, v = (used(exact, size) for exact, size in zip(view.map(), view.source_size))
+        coordinates = Coordinates.banded((view.height, view.width), fraction_bits, u, v)
         return cls(view.width, view.height, fraction_bits, coordinates)
 
     @property

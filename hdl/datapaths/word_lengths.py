@@ -1,5 +1,7 @@
 """The search for word lengths where many of them share one error budget."""
 
+from heapq import heapify, heappop, heappush
+
 # How much precision, in bits of each word length, the search starts with beyond what is enough.
 AMPLE = 2
 # How many bits a word length may lose at once where one less saves nothing.
@@ -34,6 +36,8 @@ def shortest(build, starts, fewest, *, error, limit, meets):
     meets : callable
         Whether all pixels of a candidate are within the budget.
     """
+    # A search that begins anew goes the same way for long.
+    build, error = _once(build, lambda bits: frozenset(bits.items())), _once(error, id)
     errors = [error(start) for start in starts]
     lower = limit
     while True:
@@ -47,20 +51,47 @@ def shortest(build, starts, fewest, *, error, limit, meets):
         lower *= SHRINK
 
 
+def _once(function, key):
+    """``function`` of one argument that remembers what it returned for a ``key`` of it."""
+    known = {}
+
+    def once(argument):
+        name = key(argument)
+        if name not in known:
+            known[name] = function(argument), argument  # kept: no other object gets its id
+        return known[name][0]
+
+    return once
+
+
 def _shortened(build, best, fewest, error, limit, meets=lambda candidate: True):
     """What is left when no word length can lose bits any more."""
-    reached = error(best)
     while True:
         trials = []
         for name, bits in best.bits.items():
             least = max(bits - REACH, fewest.get(name, bits - REACH))
             shorter = (build({**best.bits, name: fewer}) for fewer in range(bits - 1, least - 1, -1))
             trial = next((trial for trial in shorter if trial.cost < best.cost), None)
-            if trial and (after := error(trial)) <= limit:
-                gain = (best.cost - trial.cost) / max(after - reached, LEAST * limit)
-                trials.append((gain, after, trial))
-        trials.sort(key=lambda entry: entry[0], reverse=True)
-        found = next((entry for entry in trials if meets(entry[2])), None)
+            if trial:
+                trials.append(trial)
+        found = next((trial for trial in _by_gain(trials, best, error, limit) if meets(trial)), None)
         if not found:
             return best
-        _, reached, best = found
+        best = found
+
+
+def _by_gain(trials, best, error, limit):
+    """Those of ``trials`` that are within the limit, the one that saves most for its error first.
+
+    No error costs less than `LEAST`; what cannot save more even so than one that is known waits for its evaluation.
+    """
+    least = LEAST * limit
+    queue = [((trial.cost - best.cost) / least, False, index) for index, trial in enumerate(trials)]
+    heapify(queue)
+    while queue:
+        _, known, index = heappop(queue)
+        trial = trials[index]
+        if known:
+            yield trial
+        elif (after := error(trial)) <= limit:
+            heappush(queue, ((trial.cost - best.cost) / max(after - error(best), least), True, index))

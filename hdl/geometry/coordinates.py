@@ -1,11 +1,13 @@
 """The source coordinates that a core uses, for every output pixel, and what follows from them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from hdl.arithmetic.bands import banded, bands
 from hdl.errors import InputError
 
 
@@ -85,6 +87,18 @@ class Coordinates:
     v: np.ndarray
     fraction_bits: int
 
+    @classmethod
+    def banded(
+        cls,
+        shape: tuple[int, int],
+        fraction_bits: int,
+        u: Callable[[slice], np.ndarray],
+        v: Callable[[slice], np.ndarray],
+    ) -> "Coordinates":
+        """Of a frame of ``shape`` (height, width); ``u``, ``v``: functions of a slice of its rows, to integers."""
+        stored_u, stored_v = (banded(shape, np.int32, coordinate) for coordinate in (u, v))
+        return cls(stored_u, stored_v, fraction_bits)
+
     @property
     def height(self) -> int:
         return self.u.shape[0]
@@ -108,24 +122,36 @@ class Coordinates:
 
         ``source``: (width, height) of the source image, px. Raises InputError where no tap is inside the source.
         """
-        width, height = source
-        column = self.u >> self.fraction_bits
-        top = self.v >> self.fraction_bits
-        last_row = height - 1
-        due = (np.arange(self.height, dtype=top.dtype) * height // self.height)[:, None]
-        if border.mode == "replicate":
-            # Clamping the row is what BORDER_REPLICATE does to both taps.
-            upper = np.clip(top, 0, last_row) - due
-            lower = np.clip(top + 1, 0, last_row) - due
-            return Window(int(upper.min()), int(lower.max()))
-        offset = top - due
-        some_column = (column >= -1) & (column <= width - 1)
-        upper = offset[some_column & (top >= 0) & (top <= last_row)]
-        lower = offset[some_column & (top >= -1) & (top <= last_row - 1)] + 1
-        taps = [taps for taps in (upper, lower) if taps.size]
-        if not taps:
+        last_column, last_row = source[0] - 1, source[1] - 1
+        spans = []
+        for rows in bands(self.u.shape):
+            top = self.v[rows] >> self.fraction_bits
+            due = (np.arange(rows.start, rows.stop, dtype=top.dtype) * source[1] // self.height)[:, None]
+            if border.mode == "replicate":
+                # Clamping the row is what BORDER_REPLICATE does to both taps.
+                upper, lower = (np.clip(row, 0, last_row) - due for row in (top, top + 1))
+            else:
+                column = self.u[rows] >> self.fraction_bits
+                some_column = (column >= -1) & (column <= last_column)
+                upper, lower = ((row - due)[some_column & (row >= 0) & (row <= last_row)] for row in (top, top + 1))
+            spans += [(taps.min(), taps.max()) for taps in (upper, lower) if taps.size]
+        if not spans:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
-        return Window(int(min(t.min() for t in taps)), int(max(t.max() for t in taps)))
+        lowest, highest = zip(*spans)
+        return Window(int(min(lowest)), int(max(highest)))
+
+    def largest_error(self, u: np.ndarray, v: np.ndarray, source: tuple[int, int]) -> float:
+        """The largest error of both axes that `error` finds, px; its arguments."""
+        scale, largest = 2.0**-self.fraction_bits, 0.0
+        for rows in bands(u.shape):
+            outside = ~inside_image(u[rows], v[rows], *source)
+            for stored, exact in ((self.u, u), (self.v, v)):
+                difference = stored[rows] * scale
+                difference -= exact[rows]
+                np.abs(difference, out=difference)
+                difference[outside] = 0
+                largest = max(largest, float(difference.max()))
+        return largest
 
     def error(self, u: np.ndarray, v: np.ndarray, source: tuple[int, int]) -> dict[str, Any]:
         """Error statistics against the float64 map ``u, v`` (px, shape (height, width)).
@@ -136,20 +162,30 @@ class Coordinates:
 
         Returns the plan's ``error`` entry, lengths in px.
         """
-        inside = inside_image(u, v, *source)
-        pixels = int(np.count_nonzero(inside))
+        scale = 2.0**-self.fraction_bits
+        magnitudes = {name: np.empty(u.size) for name in "uv"}
+        off: dict[str, list[tuple[float, float]]] = {name: [] for name in "uv"}
+        pixels, squared = 0, 0.0
+        for rows in bands(u.shape):
+            inside = inside_image(u[rows], v[rows], *source)
+            counted = slice(pixels, pixels + int(np.count_nonzero(inside)))
+            pixels, squares = counted.stop, np.zeros(counted.stop - counted.start)
+            for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
+                used, exact = stored[rows][inside] * scale, in_map[rows][inside]
+                difference = used - exact
+                squares += difference * difference
+                np.abs(difference, out=magnitudes[name][counted])
+                steps = np.abs(np.floor(used + 0.5) - np.floor(exact + 0.5))
+                off[name].append((steps.sum(), steps.max(initial=0)))
+            squared = max(squared, squares.max(initial=0))
         if not pixels:
             raise InputError(None, "map", None, "no output pixel has its source inside the image")
-        scale = 2.0**-self.fraction_bits
-        result, rounded = {}, {}
-        squared = np.zeros(pixels)
-        for name, stored, in_map in (("u", self.u, u), ("v", self.v, v)):
-            used, exact = stored[inside] * scale, in_map[inside]
-            difference = used - exact
-            squared = squared + difference * difference
-            result[name] = _statistics(np.abs(difference))
-            rounded[name] = _statistics(np.abs(np.floor(used + 0.5) - np.floor(exact + 0.5)))
-        return {**result, "euclidean_max": float(np.sqrt(squared.max())), "pixels": pixels, "rounded": rounded}
+        result = {name: _statistics(magnitude[:pixels]) for name, magnitude in magnitudes.items()}
+        rounded = {}
+        for name, parts in off.items():
+            sums, greatest = zip(*parts)
+            rounded[name] = {"mean": float(sum(sums) / pixels), "max": float(max(greatest))}
+        return {**result, "euclidean_max": float(np.sqrt(squared)), "pixels": pixels, "rounded": rounded}
 
 
 def inside_image(u: np.ndarray, v: np.ndarray, width: int, height: int) -> np.ndarray:

