@@ -130,7 +130,7 @@ def _build(text: bytes, top: str, command: tuple[str, ...], library: Path) -> No
         build = [*command, *_FLAGS, f"-DCORE={struct}", f"-I{work}", f"-I{runtime}", str(_HARNESS), "-o", "core.so"]
         result = subprocess.run(build, cwd=work, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **_TEXT)
         if result.returncode:
-            log.write_text(f"{shlex.join(build)}\n{result.stdout}", encoding="utf-8")
+            log.write_text(f"{shlex.join(build)}\n{result.stdout}", encoding="utf-8", errors="backslashreplace")
             lines = [line.strip() for line in result.stdout.splitlines() if re.search("error", line, re.IGNORECASE)]
             problem = lines[0] if lines else f"exit status {result.returncode}"
             raise CompileError(f"{command[0]}: {problem} (log: {log})")

@@ -10,10 +10,12 @@ VARIABLE = "YOWASP_CACHE_DIR"
 
 
 def environment():
-    """The environment to run them in: `VARIABLE`, if set, moves the caches of all of them."""
+    """The environment to run them in, in any folder: `VARIABLE`, if set, moves the caches of all of them."""
     moved = os.environ.get(VARIABLE)
+    if not moved:
+        return dict(os.environ)
     # Amaranth's Yosys knows no variable of its own.
-    return {**os.environ, **({"XDG_CACHE_HOME": str(Path(moved).absolute())} if moved else {})}
+    return {**os.environ, **dict.fromkeys((VARIABLE, "XDG_CACHE_HOME"), str(Path(moved).absolute()))}
 
 
 def problem(output):

@@ -192,6 +192,7 @@ def test_one_camera_has_a_report_without_stereo_and_without_a_word_into_its_fold
     cv2.imwrite("R.png", np.random.default_rng(1).integers(0, 255, (64, 96), np.uint8))
     status, _, err = run_command("f --no-synthesis --right R.png --output out/page.html")
     assert (status, err) == (0, "")
+    (folder / "cache").unlink()
     html = Path("out/page.html").read_text()
     assert "Your own images" in html and 'id="stereo"' not in html and "rectify_right right (" in html
     assert run_command("f --no-synthesis --distances 1")[2] == (

@@ -39,6 +39,13 @@ def test_the_variable_moves_the_cache_of_the_yosys_that_writes_verilog(no_folder
     )
 
 
+def test_a_relative_folder_is_the_same_wherever_the_programs_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("YOWASP_CACHE_DIR", "cache")
+    moved = webassembly.environment()
+    assert moved["YOWASP_CACHE_DIR"] == moved["XDG_CACHE_HOME"] == str(tmp_path / "cache")
+
+
 def test_a_home_that_cannot_be_written_is_said_with_the_variable(tmp_path, monkeypatch):
     monkeypatch.delenv("YOWASP_CACHE_DIR", raising=False)
     monkeypatch.setattr(webassembly.platformdirs, "user_cache_dir", lambda name: str(tmp_path / "file" / name))
