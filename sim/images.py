@@ -7,6 +7,8 @@ from hdl.errors import InputError
 
 # libjpeg fills up with gray what is missing of an image. Some programs write a little behind the end.
 _JPEG_START, _JPEG_END, _JPEG_TAIL = b"\xff\xd8", b"\xff\xd9", 4096
+_LOG = getattr(cv2.utils, "logging", cv2)  # OpenCV 5, OpenCV 4
+_SILENT = 0
 _AS_STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR | cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -60,7 +62,7 @@ def _decoded(file):
     data = file.read_bytes()
     if data.startswith(_JPEG_START) and _JPEG_END not in data[-_JPEG_TAIL:]:
         raise InputError(file, None, None, "ends in the middle of the image")
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    level = _LOG.setLogLevel(_SILENT)
     try:
         image, turned = (
             cv2.imread(str(file), flags) for flags in (_AS_STORED, _AS_STORED & ~cv2.IMREAD_IGNORE_ORIENTATION)
@@ -68,7 +70,7 @@ def _decoded(file):
     except cv2.error as error:
         raise InputError(file, None, None, f"OpenCV refuses this image: {error.err}") from None
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        _LOG.setLogLevel(level)
     if image is None:
         raise InputError(file, None, None, "is not an image that OpenCV can read")
     if turned is None or turned.shape != image.shape or not np.array_equal(turned, image):
