@@ -91,7 +91,7 @@ def _alternatives(rig, choices, lens):
             if angle < 180:
                 yield f"--fov {angle:g}{instead}", replace(choices, alpha=None, focal=None, fov=angle)
     for loss in _LOSSES:
-        if loss > choices.max_fov_loss:
+        if loss > choices.allowed_loss:
             yield f"--minimise rows --max-fov-loss {loss:g}", replace(minimised, max_fov_loss=loss)
 
 

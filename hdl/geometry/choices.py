@@ -70,6 +70,11 @@ class RectificationOptions:
         return [_option(name) for name in names if getattr(self, name) is not None]
 
     @property
+    def allowed_loss(self) -> float:
+        """What minimising may give up of the view: ``max_fov_loss``, or its default."""
+        return MAX_FOV_LOSS if self.max_fov_loss is None else self.max_fov_loss
+
+    @property
     def spelled(self) -> str:
         """The choices as the command line spells them, values and all; for numbers that choose a view."""
         center = ["--center {:g},{:g}".format(*self.center)] if self.center else []

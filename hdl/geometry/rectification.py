@@ -12,7 +12,7 @@ import numpy as np
 from hdl.calibration import stance
 from hdl.calibration.rig import SIDES, Camera, Rig
 from hdl.errors import InputError
-from hdl.geometry.choices import MAX_FOV_LOSS, RectificationOptions
+from hdl.geometry.choices import RectificationOptions
 from hdl.geometry.coordinates import inside_image
 from hdl.geometry.row_minimisation import minimise_rows
 from hdl.geometry.view import View
@@ -68,8 +68,7 @@ def rectify(rig: Rig, options: RectificationOptions = RectificationOptions(), *,
             raise rig.fault(*view.geometry, problem + _instead(rig))
     if options.minimise:
         focal = options.focal is None and options.fov is None
-        share = MAX_FOV_LOSS if options.max_fov_loss is None else options.max_fov_loss
-        fewest = minimise_rows(views, share, center=options.center is None, focal=focal)
+        fewest = minimise_rows(views, options.allowed_loss, center=options.center is None, focal=focal)
         return {side: replace(view, before=views[side]) for side, view in fewest.items()}
     return views
 

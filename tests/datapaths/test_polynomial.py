@@ -136,8 +136,8 @@ def test_a_hopeless_map_is_given_up_before_anything_expensive(monkeypatch):
         f"--max-error: 0.05: a polynomial of degree up to 6 for the left camera reaches {caught.value.reached:.3g} px "
         "and no less"
     )
-    # One small program for each degree, of which none is good enough, for each coordinate.
-    assert len(programs) == 2 * len(polynomial.DEGREES)
+    # Of each coordinate a small program for the degrees that least squares do not rule out, of which none is enough.
+    assert 0 < len(programs) < 2 * len(polynomial.DEGREES)
 
 
 def test_a_budget_below_rounding_is_refused():
@@ -151,7 +151,7 @@ def test_rounding_a_coefficient_is_made_up_for_by_the_others(degree):
     rng = np.random.default_rng(degree)
     x, y = np.meshgrid(np.linspace(-1, 1, 128), np.linspace(-1, 1, 96))
     target = sum(rng.normal(0, 5) * x**k * y**n for k in range(degree + 1) for n in range(degree + 1 - k))
-    lattice = basis.lattice(target, np.ones_like(target))
+    lattice = basis.lattice(target[basis.grid], np.ones_like(target[basis.grid]))
     assert lattice.error < 1e-6
     bits = 6 + 5 * degree
     coefficients, error = lattice.closest(bits)

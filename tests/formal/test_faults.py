@@ -62,7 +62,7 @@ def bilinear():
 FAULTS = {
     "the pipeline moves while a beat waits": (
         "hdl.stream.rectifier",
-        "enable.eq(~self.m_axis_tvalid | self.m_axis_tready)",
+        "enable.eq(~m_axis.tvalid | m_axis.tready)",
         "enable.eq(1)",
         stability,
         12,

@@ -79,7 +79,8 @@ def test_rows_are_compared_after_the_maps():
 
 def test_columns_are_compared_where_columns_are_aligned():
     points = {"left": np.array([[1.0, 10.0], [2.0, 20.0]]), "right": np.array([[5.0, 9.0], [7.0, 23.0]])}
-    assert row_difference(None, points, "columns") == (4.5, 5.0, 2)
+    stats = row_difference(None, points, "columns")
+    assert (stats.mean, stats.max, stats.signed_mean, stats.n) == (4.5, 5.0, -4.5, 2)
     expected = positions()
     shifted = expected + [0.25, 3]
     points = {"left": np.column_stack(bent(*expected.T)), "right": np.column_stack(bent(*shifted.T))}
