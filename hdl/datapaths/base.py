@@ -1,7 +1,7 @@
 """What every datapath is: parameters that were fitted to a map, an integer model, and the hardware they describe."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
 
 from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.cuts import COMPACT, Pipeline
 from hdl.arithmetic.fixedpoint import Q
 from hdl.errors import InputError
 from hdl.geometry.coordinates import Coordinates
@@ -96,6 +97,8 @@ class Datapath(ABC):
         Frame size, px.
     fraction_bits : int
         Fraction bits of ``u`` and ``v``.
+    pipeline : Pipeline
+        The core's; it decides the hardware's registers, never its values.
     """
 
     name: ClassVar[str]
@@ -106,6 +109,7 @@ class Datapath(ABC):
     width: int
     height: int
     fraction_bits: int
+    pipeline: Pipeline = field(default=COMPACT, kw_only=True)
 
     @classmethod
     @abstractmethod
@@ -149,6 +153,10 @@ class Datapath(ABC):
     def with_dsp(self, dsp: bool) -> "Datapath":
         """The same datapath, its multiplications, where it has any, left to the synthesis tool or made of adders."""
         return self
+
+    def with_pipeline(self, pipeline: Pipeline) -> "Datapath":
+        """The same datapath with the registers of ``pipeline``."""
+        return replace(self, pipeline=pipeline)
 
     @abstractmethod
     def component(self) -> wiring.Component:
