@@ -86,26 +86,21 @@ class Stages:
     m : Module
         Takes them.
     enable : Value
-    ends : bool
-        Where a value waits for several clocks, the last of its registers is a flip-flop of its own, with a reset, and
-        not the end of a shift register, which is slow.
     """
 
-    def __init__(self, m: Module, enable: ValueLike, ends: bool = False) -> None:
-        self._m, self._enable, self._ends = m, enable, ends
+    def __init__(self, m: Module, enable: ValueLike) -> None:
+        self._m, self.enable = m, enable
 
     def after(self, name: str, value: ValueLike, clocks: int = 1, reset_less: bool = True) -> Any:
-        """``value``, ``clocks`` enabled clocks late, in registers called by ``name``; itself for 0 clocks."""
+        """``value``, ``clocks`` enabled clocks late, in registers called ``name``; itself for 0 clocks.
+
+        Registers are reset to 0 unless ``reset_less``; those that are not reset may become shift registers.
+        """
         value = Value.cast(value)
         if not clocks:
             return value
-        width, shared = len(value), clocks - (self._ends and clocks > 1)
-        last = Signal(value.shape(), name=name, reset_less=reset_less and shared == clocks)
-        with self._m.If(self._enable):
-            if clocks == 1:
-                self._m.d.sync += last.eq(value)
-            else:
-                before = Signal(width * (clocks - 1), name=f"{name}_waiting", reset_less=reset_less)
-                self._m.d.sync += [before.eq(Cat(value, before)), last.eq(before[-width:])]
-        return last
-
+        registers = Signal(len(value) * clocks, name=name, reset_less=reset_less)
+        with self._m.If(self.enable):
+            self._m.d.sync += registers.eq(Cat(value, registers))
+        last = registers[-len(value) :]
+        return last.as_signed() if value.shape().signed else last

@@ -66,7 +66,7 @@ class Spline(Datapath):
 
     @property
     def latency(self):
-        return 0
+        return int(self.pipeline.ahead)
 
     @property
     def warm_up(self):

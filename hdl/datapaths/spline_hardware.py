@@ -5,6 +5,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.memory import Memory
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.cuts import Stages
 from hdl.datapaths.spline_fit import LEAST_CELL
 
 # Memories of up to as many bits go into look-up tables, some 64 to 128 of them.
@@ -31,7 +32,10 @@ class SplineCoordinates(wiring.Component):
     frame starts from the same state always, and nothing but the RAM's contents need be there at the start: the steps of
     the warm-up are those of a last cell.
 
-    Latency: none. Throughput: 1 px/clock.
+    With ``pipeline.ahead`` all that follows from the position alone is registered, so the steps are taken a clock after
+    the position is; v is added to its row on the way into the second of the registers in which it waits.
+
+    Latency: `Spline.latency`. Throughput: 1 px/clock.
     """
 
     def __init__(self, parameters):
@@ -41,11 +45,12 @@ class SplineCoordinates(wiring.Component):
     def elaborate(self, platform):
         m = Module()
         p = self._parameters
+        ahead = p.pipeline.ahead
         v, u = p.surfaces
         cells = u.cells
 
         # Place: all that follows depends on the position alone.
-        column = Signal(ceil_log2(cells.columns * cells.cell_width) + (cells.offset < 0))
+        column = self._column(m)
         cell, step_in_cell = column >> u.along_bits, column[: u.along_bits]
         # In the part by which the first cell is lengthened, where the column is negative, nothing is loaded.
         in_cells = ~column[-1] if cells.offset < 0 else Const(1)
@@ -54,7 +59,6 @@ class SplineCoordinates(wiring.Component):
         row = Signal(range(p.height))  # that the next cell belongs to
         first_row = Signal()
         m.d.comb += [
-            column.eq(self.x + cells.offset),
             last_cell.eq(cell == cells.columns - 1),
             next_cell.eq(Mux(last_cell, 0, cell + 1)),
             row.eq(self.y + last_cell),
@@ -65,15 +69,33 @@ class SplineCoordinates(wiring.Component):
             with m.If(first_row):
                 m.d.comb += row.eq(0)
         bend_rows = row[: exact_log2(cells.slope_rows)]
-        bends = bend_rows.all() if len(bend_rows) else Const(1)
-
         slot = Signal(u.along_bits)
         m.d.comb += slot.eq(step_in_cell + LEAST_CELL)
-        is_start = slot[0]
-        reads = (slot[2:] == 0) & in_cells
-        word_column = Mux(is_start, cells.columns, next_cell)[: p.column_bits]
+
+        # The steps of a position are taken with it, or, ahead, in the next clock that moves on.
+        step = moves = self.step
+        if ahead:
+            step, moves, taken = Signal(name="steps"), self.enable, Signal()
+            with m.If(self.enable):
+                m.d.sync += taken.eq(self.step)
+            m.d.comb += step.eq(self.enable & taken)
+
+        def known(name, value):
+            return Stages(m, self.step).after(name, value, ahead)
+
+        def acts(name, value):
+            """A condition that holds only for a position that is taken: together with ``moves``, in one level less."""
+            return Stages(m, self.enable).after(name, self.step & value, reset_less=False) if ahead else value
+
+        serves_v = known("serves_v", slot[1])
+        reads = acts("reads", (slot[2:] == 0) & in_cells)
+        word_column = known("word_column", Mux(slot[0], cells.columns, next_cell)[: p.column_bits])
         served = ((slot[1:] == 1) | (slot[1:] == 2)) & in_cells
-        serves_u = ~slot[1]
+        writes, cuts = acts("writes", served & (~slot[0] | last_cell)), acts("cuts", served & ~slot[0])
+        bends = known("bends", bend_rows.all() if len(bend_rows) else Const(1))
+        cell_row, later = known("cell_row", row >> exact_log2(cells.cell_height)), known("later", ~first_row)
+        loads_v, loads_u = known("loads_v", (slot == 3) & in_cells), known("loads_u", (slot == 5) & in_cells)
+        in_last_cell = known("in_last_cell", last_cell)
 
         # The words.
         ram_shape = data.StructLayout({"value": p.value_format.shape, "slope": p.slope_format.shape})
@@ -83,16 +105,16 @@ class SplineCoordinates(wiring.Component):
         word = Signal(ram_shape, reset_less=True)
         bend = Signal(p.bend_format.shape, reset_less=True)
         m.d.comb += [
-            ram_read.en.eq(self.step & reads),
-            ram_read.addr.eq(Cat(slot[1], word_column, ~first_row)),
-            rom_read.en.eq(self.step & reads),
-            rom_read.addr.eq((row >> exact_log2(cells.cell_height)) * p.rom_pitch + Cat(slot[1], word_column)),
-            ram_write.en.eq(self.step & served & (~is_start | last_cell)),
-            ram_write.addr.eq(Cat(serves_u, word_column, Const(1))),
+            ram_read.en.eq(moves & reads),
+            ram_read.addr.eq(Cat(serves_v, word_column, later)),
+            rom_read.en.eq(moves & reads),
+            rom_read.addr.eq(cell_row * p.rom_pitch + Cat(serves_v, word_column)),
+            ram_write.en.eq(moves & writes),
+            ram_write.addr.eq(Cat(~serves_v, word_column, Const(1))),
             ram_write.data.value.eq(word.value + word.slope),
             ram_write.data.slope.eq(word.slope + Mux(bends, bend, 0)),
         ]
-        with m.If(self.step):
+        with m.If(step):
             m.d.sync += [word.eq(ram_read.data), bend.eq(rom_read.data)]
 
         # The increments, each with the remainder of the one before.
@@ -102,42 +124,56 @@ class SplineCoordinates(wiring.Component):
         }
         half = (1 << u.carry_bits) >> 1
         total = Signal.like(word.value + half)
-        m.d.comb += total.eq(word.value + Mux(last_cell, half, Mux(serves_u, remainders["u"], remainders["v"])))
+        m.d.comb += total.eq(word.value + Mux(in_last_cell, half, Mux(serves_v, remainders["v"], remainders["u"])))
         increment_shape = max(
             (p.formats["u_increment"], p.formats["v_less_row_increment"]), key=lambda q: q.width
         ).shape
         cut = Signal(increment_shape, reset_less=True)
-        with m.If(self.step & served & ~is_start):
+        with m.If(moves & cuts):
             m.d.sync += cut.eq(total >> u.carry_bits)
-            with m.If(serves_u):
-                m.d.sync += remainders["u"].eq(total)
-            with m.Else():
+            with m.If(serves_v):
                 m.d.sync += remainders["v"].eq(total)
+            with m.Else():
+                m.d.sync += remainders["u"].eq(total)
 
         # Along the row.
         values = {}
-        for name, surface, loads in (("v", v, (slot == 3) & in_cells), ("u", u, (slot == 5) & in_cells)):
+        for name, surface, loads in (("v", v, loads_v), ("u", u, loads_u)):
             label = "u" if name == "u" else "v_less_row"
             increment = Signal(p.formats[f"{label}_increment"].shape, name=f"{name}_increment", reset_less=True)
             values[name] = value = Signal(p.formats[label].shape, name=f"{name}_value", reset_less=True)
             start = word.value >> (surface.word_bits + surface.start_bits - surface.value_bits)
-            with m.If(self.step):
-                m.d.sync += value.eq(Mux(loads & last_cell, start, value + increment))
+            with m.If(step):
+                m.d.sync += value.eq(Mux(loads & in_last_cell, start, value + increment))
                 with m.If(loads):
                     m.d.sync += increment.eq(cut)
 
         cut_bits = u.value_bits - p.fraction_bits
         v_less_row = values["v"] >> cut_bits
-        for ahead in (1, 0):
-            waiting = Signal.like(v_less_row, name=f"v_less_row_{ahead}_ahead", reset_less=True)
-            with m.If(self.step):
-                m.d.sync += waiting.eq(v_less_row)
-            v_less_row = waiting
+        waiting, coordinate = Signal.like(v_less_row, reset_less=True), Signal.like(self.v, reset_less=True)
+        # Ahead, the position is the next one already.
+        row_of_v = self.y << p.fraction_bits
+        with m.If(step):
+            m.d.sync += [waiting.eq(v_less_row), coordinate.eq(waiting + row_of_v if ahead else waiting)]
         m.d.comb += [
             self.u.eq(values["u"] >> cut_bits),
-            self.v.eq(v_less_row + (self.y << p.fraction_bits)),
+            self.v.eq(coordinate if ahead else coordinate + row_of_v),
         ]
         return m
+
+    def _column(self, m):
+        """The position's column in the cells: from the first one's left edge."""
+        p = self._parameters
+        cells = p.u_surface.cells
+        bits = ceil_log2(cells.columns * cells.cell_width) + (cells.offset < 0)
+        if not (p.pipeline.ahead and cells.offset):
+            column = Signal(bits)
+            m.d.comb += column.eq(self.x + cells.offset)
+            return column
+        column = Signal(bits, init=(-p.warm_up % p.width + cells.offset) % 2**bits)
+        with m.If(self.step):
+            m.d.sync += column.eq(Mux(self.end_of_line, cells.offset % 2**bits, column + 1))
+        return column
 
 
 def _memory(shape, contents, style):

@@ -1,41 +1,26 @@
 """Bilinear interpolation of a 2x2 window, bit for bit cv2.remap's."""
 
-from amaranth import Cat, Module, Mux, Signal
+from amaranth import Module
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.arithmetic.cuts import COMPACT, Stages
 from hdl.errors import at_least
+from hdl.stream.blend import BLENDS
 
 
-def blend(m, name, even, odd, weight, swapped, half):
-    """Total of ``even * (2**f - weight) + odd * weight``, the two exchanged where ``swapped``, f = len(weight).
-
-    ``half`` adds 2**(f-1). From 2**f - weight = 1 + sum of 2**i over the bits i of the weight that are 0: one copy of
-    the first value and, for each bit of the weight, 2**i times one of the two. That is f adders as wide as the values,
-    one look-up table a bit; ``half`` enters as the last one's carry, and exchanging inverts the weight's bits.
-    """
-    f, width = len(weight), len(even)
-    first = Signal(width, name=f"{name}_first")
-    m.d.comb += first.eq(Mux(swapped, odd, even))
-    done, upper = [], first
-    for i in range(f):
-        chosen = Signal(width + 1, name=f"{name}_chosen_{i}")
-        stage = Signal(width + 1, name=f"{name}_sum_{i}")
-        m.d.comb += chosen.eq(Mux(weight[i] ^ swapped, odd, even))
-        # a - ~b is a + b + 1: the carry in is free.
-        m.d.comb += stage.eq(upper - ~chosen if half and i == f - 1 else upper + chosen)
-        done.append(stage[0])
-        upper = stage[1:]
-    return Cat(*done, upper)
+def latency(fraction_bits, pipeline):
+    """Enabled clocks from the taps to the pixel of a `Bilinear`."""
+    return 2 * BLENDS[pipeline.interpolator](fraction_bits).latency - pipeline.ports
 
 
 class Bilinear(wiring.Component):
     """(sum of tap * weight + half) >> 2*fraction_bits, weights (2**f - fx)(2**f - fy) and so on.
 
-    The taps come as the four banks deliver them. Rather than sort them into left, right, top and bottom, the weights'
-    bits are inverted where the left tap comes from the odd column, the top tap from the odd row.
+    The taps come as the four banks deliver them. Rather than sort them into left, right, top and bottom, the weights
+    are exchanged where the left tap comes from the odd column, the top tap from the odd row.
 
-    Latency: 2 enabled clocks. Throughput: 1 px/clock. No multipliers.
+    Latency: ``latency`` enabled clocks from the taps. Throughput: 1 px/clock. No multipliers.
 
     Parameters
     ----------
@@ -45,6 +30,10 @@ class Bilinear(wiring.Component):
         Channels side by side in a pixel, blended with the same weights.
     fraction_bits : int
         f, bits of each weight. ValueError for any of the three below 1.
+    lead : int
+        Enabled clocks by which what is said of the window comes before its taps.
+    pipeline : Pipeline
+        Its interpolator; with ``ports`` the last register is left to `OutputSkid`.
 
     Members
     -------
@@ -60,12 +49,15 @@ class Bilinear(wiring.Component):
     Source: DESIGN section 4; cv2.remap with CV_16SC2 maps and INTER_LINEAR.
     """
 
-    latency = 2
-
-    def __init__(self, pixel_bits, channels, fraction_bits):
+    def __init__(self, pixel_bits, channels, fraction_bits, lead=0, pipeline=COMPACT):
         at_least(1, pixel_bits=pixel_bits, channels=channels, fraction_bits=fraction_bits)
+        at_least(0, lead=lead)
         self._pixel_bits = pixel_bits
         self._channels = channels
+        self._lead = lead
+        self._pipeline = pipeline
+        self.latency = latency(fraction_bits, pipeline)
+        self._blend = BLENDS[pipeline.interpolator](fraction_bits)
         pixel = pixel_bits * channels
         super().__init__(
             {
@@ -81,22 +73,27 @@ class Bilinear(wiring.Component):
 
     def elaborate(self, platform):
         m = Module()
-        f, bits = len(self.fx), self._pixel_bits
-        column_fy = Signal(f, reset_less=True)
-        column_odd_row = Signal(reset_less=True)
-        with m.If(self.enable):
-            m.d.sync += [column_fy.eq(self.fy), column_odd_row.eq(self.odd_row)]
+        f, bits, blend = len(self.fx), self._pixel_bits, self._blend
+        stages = Stages(m, self.enable)
 
-        for channel in range(self._channels):
-            rows = []
-            for row in range(2):
-                even, odd = (tap.word_select(channel, bits) for tap in (self.taps[row][0], self.taps[row][1]))
-                blended = blend(m, f"row_{channel}_{row}", even, odd, self.fx, self.odd_column, half=True)
-                register = Signal(bits + f, name=f"blended_{channel}_{row}", reset_less=True)
-                with m.If(self.enable):
-                    m.d.sync += register.eq(blended)
-                rows.append(register)
-            blended = blend(m, f"column_{channel}", *rows, column_fy, column_odd_row, half=False)
-            with m.If(self.enable):
-                m.d.sync += self.pixel.word_select(channel, bits).eq(blended[2 * f :])
+        def weights(name, fraction, odd, clocks):
+            """`Blend.recoded`, from what waits in shift registers, into the last of the registers."""
+            before = max(clocks - 1, 0)
+            fraction, odd = stages.after(f"{name}_fraction", fraction, before), stages.after(f"{name}_odd", odd, before)
+            return stages.after(f"{name}_weights", blend.recoded(fraction, odd), clocks - before)
+
+        column_weights = weights("column", self.fx, self.odd_column, self._lead)
+        row_weights = weights("row", self.fy, self.odd_row, self._lead + blend.latency)
+        channels = range(self._channels)
+        pairs = [
+            tuple(self.taps[row][column].word_select(channel, bits) for column in range(2))
+            for channel in channels
+            for row in range(2)
+        ]
+        blended = blend.totals(m, stages, "row", pairs, column_weights, half=True)
+        rows = [stages.after(f"blended_{index // 2}_{index % 2}", total) for index, total in enumerate(blended)]
+        totals = blend.totals(m, stages, "column", list(zip(rows[::2], rows[1::2])), row_weights, half=False)
+        for channel, total in zip(channels, totals):
+            pixel = stages.after(f"pixel_{channel}", total[2 * f :], not self._pipeline.ports)
+            m.d.comb += self.pixel.word_select(channel, bits).eq(pixel)
         return m

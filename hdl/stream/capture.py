@@ -1,6 +1,6 @@
 """From the beats of an AXI4-Stream video to pixels of numbered columns and complete rows."""
 
-from amaranth import Module, Signal
+from amaranth import Module, Mux, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2
@@ -24,6 +24,8 @@ class Capture(wiring.Component):
     ----------
     width, height : int
         Frame size, px; ValueError below 1.
+    ahead : bool
+        Whether a line is full, and the last one, is looked at a beat ahead, and registered.
 
     Members
     -------
@@ -39,10 +41,11 @@ class Capture(wiring.Component):
         The row in progress, the frame's last one, becomes complete with this clock.
     """
 
-    def __init__(self, width, height):
+    def __init__(self, width, height, ahead=False):
         at_least(1, width=width, height=height)
         self._width = width
         self._height = height
+        self._ahead = ahead
         super().__init__(
             {
                 "valid": In(1),
@@ -60,16 +63,16 @@ class Capture(wiring.Component):
     def elaborate(self, platform):
         m = Module()
         y = Signal(range(self._height))
-        in_frame = Signal()
-        missing_lines = Signal()
-        transfer = Signal()
+        in_frame, in_step, moves = Signal(), Signal(), Signal()
+        line_is_full, is_last_line = Signal(), Signal(init=self._ahead and self._height == 1)
         m.d.comb += [
-            missing_lines.eq(in_frame & self.valid & self.sof),
-            self.ready.eq(self.may_write & ~missing_lines),
-            transfer.eq(self.valid & self.ready & (in_frame | self.sof)),
-            self.write.eq(transfer & (self.x != self._width)),
-            self.row_written.eq((transfer & self.eol) | (missing_lines & self.may_write)),
-            self.frame_written.eq(self.row_written & (y == self._height - 1)),
+            # Out of step are beats between frames, and a start of frame within one: then lines are missing.
+            in_step.eq(in_frame ^ self.sof),
+            moves.eq(self.valid & self.may_write),
+            self.ready.eq(self.may_write & ~(in_frame & self.valid & self.sof)),
+            self.write.eq(moves & in_step & ~line_is_full),
+            self.row_written.eq(moves & Mux(in_step, self.eol, in_frame)),
+            self.frame_written.eq(self.row_written & is_last_line),
         ]
         with m.If(self.write):
             m.d.sync += [self.x.eq(self.x + 1), in_frame.eq(1)]
@@ -77,4 +80,11 @@ class Capture(wiring.Component):
             m.d.sync += [self.x.eq(0), y.eq(y + 1)]
         with m.If(self.frame_written):
             m.d.sync += [y.eq(0), in_frame.eq(0)]
+        if self._ahead:
+            with m.If(self.write):
+                m.d.sync += line_is_full.eq(self.x == self._width - 1)
+            with m.If(self.row_written):
+                m.d.sync += [line_is_full.eq(0), is_last_line.eq(y == (self._height - 2) % self._height)]
+        else:
+            m.d.comb += [line_is_full.eq(self.x == self._width), is_last_line.eq(y == self._height - 1)]
         return m

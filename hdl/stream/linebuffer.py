@@ -2,17 +2,16 @@
 
 from dataclasses import dataclass
 
-from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth import Cat, Const, Module, Mux, Shape, Signal
 from amaranth.lib import data, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.cuts import COMPACT, Pipeline, Stages
 from hdl.arithmetic.fixedpoint import Q
 from hdl.geometry.coordinates import Border, Window
-
-# Block RAMs on top of each other that still share an output cheaply.
-STACKED = 4
+from hdl.stream.bank import Bank, BankLayout
+from hdl.stream.ring import Ring
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,7 @@ class LineBufferParameters:
     border : Border
     channel_bits, channels : int
         A pixel is that many channels of that many bits.
+    pipeline : Pipeline
     """
 
     width: int
@@ -44,6 +44,7 @@ class LineBufferParameters:
     border: Border
     channel_bits: int
     channels: int
+    pipeline: Pipeline = COMPACT
 
     def __post_init__(self):
         if not self.window.leaves_room(self.height):
@@ -81,16 +82,25 @@ class LineBufferParameters:
         return self.rows // 2 * self.pitch * self.granule
 
     @property
-    def slice_width(self):
-        """Bits of a pixel that are kept in a memory of their own.
+    def bank(self):
+        """The `BankLayout` of each of the four banks."""
+        return BankLayout.of(self.depth, self.pixel_width, self.pipeline.blocks)
 
-        All of them, unless that would stack more than ``STACKED`` block RAMs of a 7-series FPGA (as many words of 9, 4,
-        2 or 1 bits; AMD UG473) on each other, whose outputs take more look-up tables to choose from than narrower ones.
-        """
-        for words, width in ((4096, self.pixel_width), (8192, 4), (16384, 2)):
-            if self.depth <= STACKED * words:
-                return width
-        return 1
+    @property
+    def ring(self):
+        """The `Ring` of the rows kept; one row below the window a tap pair may start, if only its lower row is inside
+        the source."""
+        return Ring(self.rows, self.pitch, self.height, self.window.d_lo - 1, self.pipeline.ring)
+
+    @property
+    def place_latency(self):
+        """Enabled clocks from a coordinate to the place of its window."""
+        return self.ring.latency
+
+    @property
+    def latency(self):
+        """Enabled clocks from a coordinate to the taps of its window."""
+        return self.place_latency + self.pipeline.address + self.bank.latency + self.pipeline.taps
 
     @property
     def bits(self):
@@ -103,14 +113,11 @@ class LineBuffer(wiring.Component):
 
     Row r of the stream of all source rows, frames counted through, is stored in slot r mod rows; slots alternate
     between two pairs of banks, columns between the two banks of a pair, so the four taps of a window always come from
-    four banks. Within a bank the address is slot // 2 * pitch + column // 2. The banks are simple dual-port memories
-    with one registered read, never initialised, and never read where the write side may write.
+    four banks. Within a bank the address is slot // 2 * pitch + column // 2. The banks are never read where the write
+    side may write.
 
-    The slot of source row v is found without a division: ``offset`` is the row number that the ring's slot 0 stands
-    for, and changes only as the window passes slot 0 and when a frame ends; one conditional subtraction brings v -
-    offset into the ring.
-
-    Latency: 2 enabled clocks from ``u`` and ``v`` to ``taps``. Throughput: 1 px/clock.
+    Latency: `LineBufferParameters.latency` enabled clocks from ``u`` and ``v`` to ``taps``, ``place_latency`` to what is
+    said of the window. Throughput: 1 px/clock.
 
     Parameters
     ----------
@@ -126,15 +133,15 @@ class LineBuffer(wiring.Component):
         The read side moves on in this clock.
     u, v : In(formats of the parameters)
         Source coordinate.
-    end_of_line, end_of_frame : In(1)
-        The coordinate is that of its output row's, the frame's, last position; end_of_line is low where there is none.
+    end_of_line : In(1)
+        The coordinate is that of its output row's last position; low where there is none.
+    last_row : In(1)
+        The output row is its frame's last one; so for the whole row.
     taps : Out(ArrayLayout(ArrayLayout(pixel_width, 2), 2))
         Indexed [slot parity][column parity]; border values in place.
     fx, fy : Out(fraction_bits), odd_column, odd_row : Out(1)
         Position within the window; which bank holds its left column, its top row.
     """
-
-    latency = 2
 
     def __init__(self, parameters):
         self._parameters = p = parameters
@@ -148,7 +155,7 @@ class LineBuffer(wiring.Component):
                 "u": In(p.u.shape),
                 "v": In(p.v.shape),
                 "end_of_line": In(1),
-                "end_of_frame": In(1),
+                "last_row": In(1),
                 "taps": Out(data.ArrayLayout(data.ArrayLayout(p.pixel_width, 2), 2)),
                 "fx": Out(p.u.fraction_bits),
                 "fy": Out(p.v.fraction_bits),
@@ -160,124 +167,82 @@ class LineBuffer(wiring.Component):
     def elaborate(self, platform):
         m = Module()
         p = self._parameters
-        banks = self._banks(m)
+        stages = Stages(m, self.enable)
+        names = [[f"bank_{row}_row_{column}_column" for column in ("even", "odd")] for row in ("even", "odd")]
+        banks = [[Bank(m, name, p.bank) for name in pair] for pair in names]
         self._write_side(m, banks)
 
         u, left, right = _window_edges(m, "u", self.u, p.u_range, p.u.fraction_bits, p.width, p.border)
         v, top, bottom = _window_edges(m, "v", self.v, p.v_range, p.v.fraction_bits, p.height, p.border)
 
-        slot_of_row = self._slot(m, v >> p.v.fraction_bits)
+        # Place in the ring, and which edges of the window are inside the source.
+        bases, odd_row = p.ring.pair(m, stages, v >> p.v.fraction_bits, self.end_of_line, self.last_row)
+        # Signed where the left tap may be in column -1; farther outside it does not matter.
+        column = Signal(Shape(ceil_log2(p.width) + (p.u_range[0] < 0), p.u_range[0] < 0))
+        m.d.comb += column.eq(u >> p.u.fraction_bits)
 
-        # First stage: place in the ring, and which edges of the window are inside the source.
-        column = Signal(ceil_log2(p.width), reset_less=True)
-        slot = Signal(range(p.rows), reset_less=True)
-        fraction_x = Signal.like(self.fx, reset_less=True)
-        fraction_y = Signal.like(self.fy, reset_less=True)
-        column_inside = Signal(2, reset_less=True)
-        row_inside = Signal(2, reset_less=True)
-        with m.If(self.enable):
-            m.d.sync += [
-                column.eq(u >> p.u.fraction_bits),
-                slot.eq(slot_of_row),
-                fraction_x.eq(u),
-                fraction_y.eq(v),
-                column_inside.eq(Cat(left, right)),
-                row_inside.eq(Cat(top, bottom)),
-            ]
+        def placed(name, value):
+            return stages.after(name, value, p.place_latency)
 
-        # Second stage: the memories, whose output registers it shares.
-        odd_base = Signal(range(p.rows // 2 * p.pitch + 1))
-        even_base = Signal.like(odd_base)
+        column = placed("column", column)
+        column_inside, row_inside = placed("column_inside", Cat(left, right)), placed("row_inside", Cat(top, bottom))
         m.d.comb += [
-            odd_base.eq((slot >> 1) * p.pitch),
-            even_base.eq(Mux(slot[0], Mux(slot == p.rows - 1, 0, odd_base + p.pitch), odd_base)),
+            self.fx.eq(placed("fraction_x", u[: len(self.fx)])),
+            self.fy.eq(placed("fraction_y", v[: len(self.fy)])),
+            self.odd_column.eq(column[0]),
+            self.odd_row.eq(odd_row),
         ]
-        bases = (even_base, odd_base)
-        # Column -1, whose right tap is column 0, is all ones here: the sum must wrap.
-        columns = ((column + 1)[: len(column)] >> 1, column >> 1)
-        with m.If(self.enable):
-            m.d.sync += [
-                self.fx.eq(fraction_x),
-                self.fy.eq(fraction_y),
-                self.odd_column.eq(column[0]),
-                self.odd_row.eq(slot[0]),
-            ]
+
+        # The memories.
         border = Const(p.border.value, p.channel_bits).replicate(p.channels)
         for row in range(2):
             for col in range(2):
-                address = Signal(ceil_log2(p.depth), name=f"read_address_{row}_{col}")
-                inside = Signal(name=f"inside_{row}_{col}", reset_less=True)
-                pixel = Cat(read.data for _, read in banks[row][col])
+                place = f"{row}_{col}"
+                address, inside = Signal(ceil_log2(p.depth), name=f"read_address_{place}"), Signal(name=f"reads_{place}")
                 m.d.comb += [
-                    address.eq(self._address(bases[row], columns[col])),
-                    self.taps[row][col].eq(Mux(inside, pixel, border)),
-                ]
-                for _, read in banks[row][col]:
-                    m.d.comb += [read.en.eq(self.enable), read.addr.eq(address)]
-                with m.If(self.enable):
+                    # The even column of a pair is the pair's first, or the next pair's.
+                    address.eq(self._address(bases[row], column >> 1, None if col else column[0])),
                     # The bank of parity 1 holds the window's first edge if and only if that edge is odd.
-                    m.d.sync += inside.eq(
-                        row_inside.bit_select(slot[0] ^ row, 1) & column_inside.bit_select(column[0] ^ col, 1)
-                    )
+                    inside.eq(row_inside.bit_select(odd_row ^ row, 1) & column_inside.bit_select(column[0] ^ col, 1)),
+                ]
+                address = stages.after(f"address_{place}", address, p.pipeline.address)
+                inside = stages.after(f"inside_{place}", inside, p.pipeline.address + p.bank.latency)
+                tap = Mux(inside, banks[row][col].read(stages, self.enable, address), border)
+                m.d.comb += self.taps[row][col].eq(stages.after(f"tap_{place}", tap, p.pipeline.taps))
         return m
 
-    def _banks(self, m):
-        """Write and read ports of each bank's slices, lowest bits first, indexed [slot parity][column parity]."""
+    def _address(self, base, pair, carry=None):
+        """Address of a pair of columns, or with ``carry`` the next one, in the row whose address, in granules, is
+        ``base``."""
         p = self._parameters
-        banks = [[None, None], [None, None]]
-        for row, row_name in enumerate(("even", "odd")):
-            for col, col_name in enumerate(("even", "odd")):
-                slices = []
-                for low in range(0, p.pixel_width, p.slice_width):
-                    width = min(p.slice_width, p.pixel_width - low)
-                    memory = Memory(shape=width, depth=p.depth, init=[], attrs={"ram_style": "block"})
-                    name = f"bank_{row_name}_row_{col_name}_column"
-                    m.submodules[name if width == p.pixel_width else f"{name}_{low}"] = memory
-                    slices.append((memory.write_port(), memory.read_port()))
-                banks[row][col] = slices
-        return banks
-
-    def _address(self, base, column):
-        """Address of a column in the row whose address, in granules, is ``base``."""
-        p = self._parameters
-        low = exact_log2(p.granule)
-        return Cat(column[:low], (base + (column >> low))[: ceil_log2(p.depth) - low])
+        low, bits = exact_log2(p.granule), ceil_log2(p.depth)
+        if carry is None:
+            return Cat(pair[:low], (base + (pair >> low))[: bits - low])
+        # The carry comes in by a bit of its own, below.
+        following = Cat(carry, pair)
+        total = Cat(Const(1), Const(0, low), base) + (following.as_signed() if pair.shape().signed else following)
+        return total[1 : bits + 1]
 
     def _write_side(self, m, banks):
         p = self._parameters
         odd_slot = Signal()
-        base = Signal(range(p.rows // 2 * p.pitch))
+        base, end = Signal(p.ring.address_bits), Signal(reset_less=p.pipeline.writes)
+        # Registered it is right a clock later; a row takes longer.
+        domain = m.d.sync if p.pipeline.writes else m.d.comb
+        domain += end.eq(base == (p.rows // 2 - 1) * p.pitch)
         with m.If(self.row_written):
             m.d.sync += odd_slot.eq(~odd_slot)
             with m.If(odd_slot):
                 m.d.sync += base.eq(base + p.pitch)
-                with m.If(base == (p.rows // 2 - 1) * p.pitch):
+                with m.If(end):
                     m.d.sync += base.eq(0)
-        address = self._address(base, self.x >> 1)
+        clocks = Stages(m, 1)
+        address = clocks.after("write_address", self._address(base, self.x >> 1), p.pipeline.writes)
+        pixel = clocks.after("write_pixel", self.pixel, p.pipeline.writes)
         for row in range(2):
             for col in range(2):
-                for index, (write, _) in enumerate(banks[row][col]):
-                    m.d.comb += [
-                        write.en.eq(self.write & (odd_slot == row) & (self.x[0] == col)),
-                        write.addr.eq(address),
-                        write.data.eq(self.pixel >> index * p.slice_width),
-                    ]
-
-    def _slot(self, m, row):
-        """The ring slot of a source row."""
-        p = self._parameters
-        # One row below the window: a tap pair may start there when only its lower row is inside the source.
-        lowest = p.window.d_lo - 1
-        first = Signal(range(p.rows), init=lowest % p.rows)  # slot of the lowest row of the output row in progress
-        bits = ceil_log2(2 * p.rows)
-        offset = Signal(bits, init=(lowest - lowest % p.rows) % 2**bits)
-        with m.If(self.enable & self.end_of_line):
-            passes_end = first == p.rows - 1
-            m.d.sync += first.eq(Mux(passes_end, 0, first + 1))
-            m.d.sync += offset.eq(offset + Mux(passes_end, p.rows, 0) - Mux(self.end_of_frame, p.height % 2**bits, 0))
-        unwrapped = Signal(bits)
-        m.d.comb += unwrapped.eq(row - offset)
-        return Mux(unwrapped >= p.rows, unwrapped - p.rows, unwrapped)
+                enable = self.write & (odd_slot == row) & (self.x[0] == col)
+                banks[row][col].write(clocks.after(f"write_{row}_{col}", enable, p.pipeline.writes), address, pixel)
 
 
 def _window_edges(m, name, coordinate, span, fraction_bits, size, border):

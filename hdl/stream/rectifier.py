@@ -9,13 +9,16 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.data import StructLayout
 from amaranth.lib.wiring import In, Out
 
+from hdl.arithmetic.cuts import Pipeline, Stages
 from hdl.datapaths.base import Datapath
 from hdl.geometry.coordinates import Border
-from hdl.stream.bilinear import Bilinear
+from hdl.stream import bilinear
 from hdl.stream.capture import Capture
 from hdl.stream.flow import RowFlow
+from hdl.stream.issue import Issue
 from hdl.stream.linebuffer import LineBuffer, LineBufferParameters
-from hdl.stream.raster import Raster
+from hdl.stream.ports import InputRegister, OutputSkid
+from hdl.stream.raster import NEAR, Raster
 
 # (bits of a channel, channels)
 PIXEL_FORMATS = ((8, 1), (10, 1), (12, 1), (16, 1), (8, 3))
@@ -37,8 +40,8 @@ class RectifierParameters:
     Raises
     ------
     ValueError
-        For pixel formats there are not, border values that do not fit, and rows that are too short for the pipeline;
-        on access to ``line_buffer``, for frames too small for their map.
+        For pixel formats there are not and border values that do not fit; on access to ``line_buffer``, for frames too
+        small for their map and rows too short for the pipeline.
     """
 
     datapath: Datapath
@@ -52,8 +55,11 @@ class RectifierParameters:
             raise ValueError(f"pixels are one of {formats} bits, not {self.channels}x{self.pixel_bits}")
         if not 0 <= self.border.value < 2**self.pixel_bits:
             raise ValueError(f"border value {self.border.value} does not fit into {self.pixel_bits} bits")
-        if max(self.datapath.latency + LineBuffer.latency, self.datapath.warm_up) >= self.datapath.width:
-            raise ValueError(f"a row of {self.datapath.width} px is shorter than the pipeline")
+
+    @property
+    def pipeline(self) -> Pipeline:
+        """The datapath's, and that of all else."""
+        return self.datapath.pipeline
 
     @cached_property
     def line_buffer(self) -> LineBufferParameters:
@@ -61,7 +67,7 @@ class RectifierParameters:
         datapath = self.datapath
         coordinates = datapath.coordinates
         u, v = datapath.coordinate_formats
-        return LineBufferParameters(
+        line_buffer = LineBufferParameters(
             width=datapath.width,
             height=datapath.height,
             window=coordinates.window(self.border, (datapath.width, datapath.height)),
@@ -72,7 +78,13 @@ class RectifierParameters:
             border=self.border,
             channel_bits=self.pixel_bits,
             channels=self.channels,
+            pipeline=self.pipeline,
         )
+        # From the count of a row as issued to the last of its reads.
+        in_flight = datapath.latency + line_buffer.latency - self.pipeline.taps + NEAR * self.pipeline.ahead
+        if max(in_flight, datapath.warm_up) >= datapath.width:
+            raise ValueError(f"a row of {datapath.width} px is shorter than the pipeline")
+        return line_buffer
 
     @property
     def tdata_width(self) -> int:
@@ -82,7 +94,8 @@ class RectifierParameters:
     @property
     def pipeline_latency(self) -> int:
         """Clocks from the issue of a position to its pixel at m_axis."""
-        return self.datapath.latency + LineBuffer.latency + Bilinear.latency
+        interpolation = bilinear.latency(self.datapath.fraction_bits, self.pipeline)
+        return self.datapath.latency + self.line_buffer.latency + interpolation + self.pipeline.ports
 
     @property
     def latency_cycles(self) -> int:
@@ -90,7 +103,9 @@ class RectifierParameters:
 
         With input without blanking and an output that is always ready.
         """
-        return (self.line_buffer.window.lead + 1) * self.datapath.width + self.pipeline_latency
+        # A beat that is registered, and a permission that is.
+        waits = self.pipeline.ports + self.pipeline.ahead
+        return (self.line_buffer.window.lead + 1) * self.datapath.width + waits + self.pipeline_latency
 
 
 class Rectifier(wiring.Component):
@@ -202,75 +217,111 @@ class _Pixels:
 
 def _connect(m: Module, p: RectifierParameters, s_axis: _Pixels, m_axis: _Pixels) -> None:
     """The blocks of a rectifier in ``m``, between the two streams."""
-    width, height = p.datapath.width, p.datapath.height
-    m.submodules.capture = capture = Capture(width, height)
-    m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead)
-    m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up)
+    width, height, ahead = p.datapath.width, p.datapath.height, p.pipeline.ahead
+    m.submodules.capture = capture = Capture(width, height, ahead)
+    m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead, ahead)
+    m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up, ahead)
+    m.submodules.issue = issue = Issue(p.datapath.warm_up > 0, ahead)
     m.submodules.datapath = datapath = p.datapath.component()
     m.submodules.line_buffer = line_buffer = LineBuffer(p.line_buffer)
-    m.submodules.bilinear = bilinear = Bilinear(p.pixel_bits, p.channels, p.datapath.fraction_bits)
+    m.submodules.bilinear = interpolator = bilinear.Bilinear(
+        p.pixel_bits,
+        p.channels,
+        p.datapath.fraction_bits,
+        p.line_buffer.latency - p.line_buffer.place_latency,
+        p.pipeline,
+    )
 
-    enable = Signal()
-    warm = Signal(init=not p.datapath.warm_up)
-    step = Signal()
-    issue = Signal()
-    if p.datapath.warm_up:
-        with m.If(step & raster.end_of_frame):
-            m.d.sync += warm.eq(1)
+    # The clock enable of all between raster and output, and the same for logic.
+    enable, running = Signal(), Signal()
+    _connect_input(m, p, s_axis, capture, line_buffer)
+    stages = Stages(m, enable)
+    to_window, to_output = p.datapath.latency, p.pipeline_latency - p.pipeline.ports
     m.d.comb += [
-        enable.eq(~m_axis.tvalid | m_axis.tready),
-        step.eq(enable & (flow.may_issue | ~warm)),
-        issue.eq(step & warm),
-        # s_axis to the line buffer
-        capture.valid.eq(s_axis.tvalid),
-        s_axis.tready.eq(capture.ready),
-        capture.sof.eq(s_axis.tuser),
-        capture.eol.eq(s_axis.tlast),
-        capture.may_write.eq(flow.may_write),
-        line_buffer.write.eq(capture.write),
-        line_buffer.x.eq(capture.x),
-        line_buffer.pixel.eq(s_axis.tdata),
-        line_buffer.row_written.eq(capture.row_written),
         # rows in and rows out
+        capture.may_write.eq(flow.may_write),
         flow.row_written.eq(capture.row_written),
         flow.frame_written.eq(capture.frame_written),
-        flow.row_issued.eq(issue & raster.end_of_line),
-        flow.frame_issued.eq(issue & raster.end_of_frame),
+        flow.row_issued.eq(issue.row_issued),
+        flow.frame_issued.eq(issue.frame_issued),
         # raster positions to coordinates
-        raster.step.eq(step),
-        datapath.enable.eq(enable),
-        datapath.step.eq(step),
+        issue.enable.eq(running),
+        issue.may_issue.eq(flow.may_issue),
+        issue.end_of_line.eq(raster.end_of_line),
+        issue.last_row.eq(raster.last_row),
+        issue.near_end.eq(raster.near_end),
+        raster.step.eq(issue.step),
+        datapath.enable.eq(running),
+        datapath.step.eq(issue.step),
         datapath.x.eq(raster.x),
         datapath.y.eq(raster.y),
         datapath.end_of_line.eq(raster.end_of_line),
-        datapath.end_of_frame.eq(raster.end_of_frame),
+        datapath.end_of_frame.eq(raster.end_of_line & raster.last_row),
         # coordinates to windows to pixels
         line_buffer.enable.eq(enable),
         line_buffer.u.eq(datapath.u),
         line_buffer.v.eq(datapath.v),
-        bilinear.enable.eq(enable),
-        bilinear.taps.eq(line_buffer.taps),
-        bilinear.fx.eq(line_buffer.fx),
-        bilinear.fy.eq(line_buffer.fy),
-        bilinear.odd_column.eq(line_buffer.odd_column),
-        bilinear.odd_row.eq(line_buffer.odd_row),
-        m_axis.tdata.eq(bilinear.pixel),
+        line_buffer.end_of_line.eq(
+            stages.after("row_end", issue.issue & raster.end_of_line, to_window, reset_less=False)
+        ),
+        line_buffer.last_row.eq(stages.after("last_row", raster.last_row, to_window)),
+        interpolator.enable.eq(enable),
+        interpolator.taps.eq(line_buffer.taps),
+        interpolator.fx.eq(line_buffer.fx),
+        interpolator.fy.eq(line_buffer.fy),
+        interpolator.odd_column.eq(line_buffer.odd_column),
+        interpolator.odd_row.eq(line_buffer.odd_row),
     ]
-
     # What travels beside the pixel. Only the bits that act have a reset, so the others become shift registers.
-    def delayed(name: str, signal: Any, clocks: int, reset_less: bool) -> Any:
-        if not clocks:
-            return signal
-        stages = Signal(clocks, name=name, reset_less=reset_less)
-        with m.If(enable):
-            m.d.sync += stages.eq(Cat(signal, stages))
-        return stages[-1]
+    valid = stages.after("valid", issue.issue, to_output, reset_less=False)
+    start_of_frame = stages.after("start_of_frame", raster.start_of_frame, to_output)
+    end_of_line = stages.after("end_of_line", raster.end_of_line, to_output)
+    if p.pipeline.ports:
+        beat = Cat(interpolator.pixel, start_of_frame, end_of_line)
+        m.submodules.skid = skid = OutputSkid(len(beat))
+        m.d.comb += [
+            enable.eq(skid.enable),
+            running.eq(skid.running),
+            skid.i.eq(beat),
+            skid.i_valid.eq(valid),
+            skid.o_ready.eq(m_axis.tready),
+            m_axis.tvalid.eq(skid.o_valid),
+            Cat(m_axis.tdata[: len(interpolator.pixel)], m_axis.tuser, m_axis.tlast).eq(skid.o),
+        ]
+    else:
+        m.d.comb += [
+            enable.eq(~m_axis.tvalid | m_axis.tready),
+            running.eq(enable),
+            m_axis.tvalid.eq(valid),
+            m_axis.tdata.eq(interpolator.pixel),
+            m_axis.tuser.eq(start_of_frame),
+            m_axis.tlast.eq(end_of_line),
+        ]
 
-    to_window, to_output = p.datapath.latency, p.pipeline_latency
+
+def _connect_input(
+    m: Module, p: RectifierParameters, s_axis: _Pixels, capture: Capture, line_buffer: LineBuffer
+) -> None:
+    """From the stream, or a register behind it, to the pixels of the line buffer."""
+    beat = Cat(s_axis.tdata[: p.pixel_bits * p.channels], s_axis.tuser, s_axis.tlast)
+    valid = s_axis.tvalid
+    if p.pipeline.ports:
+        m.submodules.input = register = InputRegister(len(beat))
+        m.d.comb += [
+            register.i.eq(beat),
+            register.i_valid.eq(valid),
+            s_axis.tready.eq(register.i_ready),
+            register.o_ready.eq(capture.ready),
+        ]
+        beat, valid = register.o, register.o_valid
+    else:
+        m.d.comb += s_axis.tready.eq(capture.ready)
     m.d.comb += [
-        line_buffer.end_of_line.eq(delayed("row_end", issue & raster.end_of_line, to_window, False)),
-        line_buffer.end_of_frame.eq(delayed("frame_end", raster.end_of_frame, to_window, True)),
-        m_axis.tvalid.eq(delayed("valid", issue, to_output, False)),
-        m_axis.tuser.eq(delayed("start_of_frame", raster.start_of_frame, to_output, True)),
-        m_axis.tlast.eq(delayed("end_of_line", raster.end_of_line, to_output, True)),
+        capture.valid.eq(valid),
+        capture.sof.eq(beat[-2]),
+        capture.eol.eq(beat[-1]),
+        line_buffer.write.eq(capture.write),
+        line_buffer.x.eq(capture.x),
+        line_buffer.pixel.eq(beat[:-2]),
+        line_buffer.row_written.eq(capture.row_written),
     ]
