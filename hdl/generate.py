@@ -1,7 +1,6 @@
 """``python -m hdl.generate``: Verilog and plan of the rectifiers for a calibrated stereo camera."""
 
 import json
-from pathlib import Path
 
 import rich_click as click
 from rich.console import Console
@@ -9,136 +8,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from hdl import calibration, files
-from hdl.arithmetic.cost import GOALS
-from hdl.calibration.options import lens_model_option
 from hdl.calibration.rig import SIDES
-from hdl.cli import FolderType, SizeType, camera_table, note, run, steps
+from hdl.cli import camera_table, note, run, steps
 from hdl.core.build import AUTO, Options, build, refuse_other_size, refuse_whole_frames
 from hdl.core.line_memory import LineMemoryError, in_kib, refuse_early, remedy
+from hdl.core.options import OUTPUT, core_options
 from hdl.datapaths import DATAPATHS
-from hdl.datapaths.base import default_budget, fitted_budget
 from hdl.errors import InputError
 from hdl.geometry.notes import notes, warnings
-from hdl.geometry.options import BorderType, rectification_options
 from hdl.geometry.rectification import RectificationOptions, rectify
 from hdl.tools.verilog_keywords import VERILOG_KEYWORDS, is_identifier
-
-OUTPUT = Path("build")
-
-
-def core_options(command):
-    """The options of a command that builds cores, as DESIGN section 7 names them."""
-    for option in reversed(
-        (
-            click.argument("calibrations", nargs=-1, type=click.Path(path_type=Path), metavar="[CALIBRATION]..."),
-            click.option(
-                "--format",
-                "file_format",
-                type=click.Choice([reader.NAME for reader in calibration.FORMATS]),
-                metavar="NAME",
-                help="Take the calibration to be of this format, instead of looking into it: "
-                + ", ".join(reader.NAME for reader in calibration.FORMATS)
-                + ".",
-            ),
-            click.option(
-                "--select",
-                metavar="WHICH",
-                help="The cameras or the resolution to take, where a calibration holds several.",
-            ),
-            lens_model_option,
-            click.option(
-                "--datapath",
-                type=click.Choice([AUTO, *DATAPATHS]),
-                default=Options.datapath,
-                show_default=True,
-                metavar="NAME",
-                help=f"How coordinates are computed. {AUTO}: the cheapest that meets the budget. "
-                + " ".join(f"{name}: {datapath.summary}." for name, datapath in DATAPATHS.items()),
-            ),
-            click.option(
-                "--optimise",
-                type=click.Choice(list(GOALS)),
-                default=Options.optimise,
-                show_default=True,
-                help=f"What {AUTO} saves.",
-            ),
-            click.option(
-                "--dsp/--no-dsp",
-                default=Options.dsp,
-                show_default=True,
-                help="Leave multiplications to the tool, which puts them into DSP blocks, or make them from adders.",
-            ),
-            click.option(
-                "--max-error",
-                type=float,
-                metavar="PX",
-                help="Largest error of source coordinates allowed, px of the source image per axis, rounding included. "
-                f"Default: {fitted_budget(Options.fraction_bits):g} for {AUTO} and fitted datapaths; "
-                f"{default_budget(Options.fraction_bits):.4f} for those that compute what they name.",
-            ),
-            click.option(
-                "--lens/--no-lens",
-                default=None,
-                help="Correct the lens distortion too, or leave it out as the paper does. Default: with the lens "
-                "where the datapath can.",
-            ),
-            click.option(
-                "--size", type=SizeType(), help="Frame size, px; scales the calibration. Default: the calibration's."
-            ),
-            rectification_options,
-            click.option(
-                "--pixel-bits",
-                type=click.Choice(["8", "10", "12", "16"]),
-                default="8",
-                show_default=True,
-                help="Bits of a channel.",
-            ),
-            click.option(
-                "--channels",
-                type=click.Choice(["1", "3"]),
-                default="1",
-                show_default=True,
-                help="Channels of a pixel; 3 with 8 bits only.",
-            ),
-            click.option(
-                "--fraction-bits",
-                type=click.IntRange(3, 8),
-                default=Options.fraction_bits,
-                show_default=True,
-                help="Fraction bits of the coordinates that are interpolated at; 5 as cv2.remap.",
-            ),
-            click.option(
-                "--border",
-                type=BorderType(),
-                default="constant",
-                show_default=True,
-                help="What lies outside the source image: one value, or its nearest pixel.",
-            ),
-            click.option(
-                "--max-line-buffer-kib",
-                type=click.IntRange(1),
-                default=Options.max_line_buffer_kib,
-                show_default=True,
-                metavar="KIB",
-                help="Refuse cores with more line memory than this.",
-            ),
-            click.option(
-                "--top",
-                metavar="NAME",
-                help="Name of the top module, and of the files; without --camera, _left and _right are appended. "
-                "Default: rectify_left, rectify_right.",
-            ),
-            click.option(
-                "--output",
-                type=FolderType(),
-                show_default=str(OUTPUT),
-                metavar="DIR",
-                help="Where the files go.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
 
 
 @click.command()
@@ -181,6 +60,9 @@ def build_cores(
     *,
     datapath,
     optimise,
+    pipeline,
+    clock,
+    family,
     dsp,
     max_error,
     lens,
@@ -196,8 +78,10 @@ def build_cores(
 
     ``rectification``: the arguments of `RectificationOptions`.
     """
-    if optimise != Options.optimise and datapath != AUTO:
+    if optimise not in (Options.optimise, "lut") and datapath != AUTO:
         raise InputError("--optimise", None, optimise, f"decides among datapaths; {datapath} was named already")
+    if pipeline and clock is not None:
+        raise InputError("--pipeline", None, pipeline, "--clock chooses the pipeline; give one of the two")
     tops = top_names(camera, top)
     options = Options(
         datapath=datapath,
@@ -209,6 +93,9 @@ def build_cores(
         max_line_buffer_kib=max_line_buffer_kib,
         optimise=optimise,
         dsp=dsp,
+        pipeline=pipeline or Options.pipeline,
+        clock=clock,
+        family=family,
     )
     able = [AUTO, *(name for name, candidate in DATAPATHS.items() if candidate.supports_lens)]
     if lens and datapath not in able:
@@ -323,6 +210,7 @@ def summary(cores, directory):
                     for core, plan in zip(cores, plans)
                 ],
             ),
+            ("pipeline", [f"{plan.pipeline.name}, {plan.pipeline.mhz:.0f} MHz" for plan in plans]),
             ("coordinates, estimated", [estimate(plan.cost) for plan in plans]),
             ("latency", [f"{plan.latency_cycles} clocks" for plan in plans]),
             *(

@@ -8,11 +8,13 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import reduce
+from itertools import product
 from operator import sub
 
 import rich_click as click
 
 from hdl import calibration
+from hdl.arithmetic.cuts import COMPACT
 from hdl.cli import SizeType, run, steps
 from hdl.core.build import Core, Options, build
 from hdl.datapaths import DATAPATHS
@@ -31,8 +33,9 @@ BLOCKS = {"datapath": "coordinates", "line_buffer": "line buffer", "bilinear": "
 REST = "stream"
 CELLS = ("ff", "lut", "srl", "lut_ram", "carry4", "dsp", "ramb18", "ramb36")
 CELL_HEADINGS = ("FF", "LUT", "SRL", "LUT RAM", "CARRY4", "DSP", "RAMB18", "RAMB36")
-HEADINGS = ("core", *CELL_HEADINGS, "rows", "error u, v")
-LADDER_HEADINGS = ("datapath", "error u, v", *CELL_HEADINGS[:2], "DSP", "RAMB18", "latency")
+HEADINGS = ("core", "pipeline", *CELL_HEADINGS, "rows", "error u, v")
+LADDER_HEADINGS = ("datapath", "pipeline", "error u, v", *CELL_HEADINGS[:2], "DSP", "RAMB18", "latency")
+PIPELINES = COMPACT.name, Options.pipeline
 
 
 @dataclass(frozen=True)
@@ -44,12 +47,14 @@ class Job:
     datapath : str
     lens : bool
     dsp_allowed : bool
+    pipeline : str
     core : hdl.core.build.Core
     """
 
     datapath: str
     lens: bool
     dsp_allowed: bool
+    pipeline: str
     core: Core
 
 
@@ -81,10 +86,10 @@ def resources(size, names, json_file, update, check, cache):
         for name, text in parts.items():
             readme.update(name, text)
     stale = [name for name, text in parts.items() if check and not readme.is_current(name, text)]
-    show(caption(size), HEADINGS, core_rows(rows))
+    show(caption(size), HEADINGS, core_rows(rows), texts=2)
     title = f"Blocks, each by itself; {REST}: the rest of the core, less what is saved where blocks meet"
-    show(title, ("core", "block", *CELL_HEADINGS), block_rows(rows), texts=2)
-    show("Coordinates alone", LADDER_HEADINGS, ladder_rows(rows))
+    show(title, ("core", "pipeline", "block", *CELL_HEADINGS), block_rows(rows), texts=3)
+    show("Coordinates alone", LADDER_HEADINGS, ladder_rows(rows), texts=2)
     for line in (*refusals, ratios(rows)):
         click.echo(line)
     for name in stale:
@@ -117,11 +122,10 @@ def measure(size, names, cache, progress):
 
 
 def _jobs(view, name, progress):
-    for dsp in (False, True):
-        progress(f"{name}, {'with' if view.lens else 'without'} the lens")
-        yield Job(
-            name, view.lens, dsp, _within_budget(view, Options(name, fitted_budget(Options.fraction_bits), dsp=dsp))
-        )
+    for dsp, pipeline in product((False, True), PIPELINES):
+        progress(f"{name}, {pipeline}, {'with' if view.lens else 'without'} the lens")
+        options = Options(name, fitted_budget(Options.fraction_bits), dsp=dsp, pipeline=pipeline)
+        yield Job(name, view.lens, dsp, pipeline, _within_budget(view, options))
 
 
 def _within_budget(view, options):
@@ -148,6 +152,7 @@ def cells(job, cache):
         "width": plan.width,
         "height": plan.height,
         "dsp_allowed": job.dsp_allowed,
+        "pipeline": job.pipeline,
     }
     yield {
         **common,
@@ -178,32 +183,32 @@ def _of(rows, *scopes):
 def core_rows(rows):
     """The rows of Table 2, as text, the paper's first."""
     for name, (ff, lut) in PAPER.items():
-        yield f"{name}, the paper's", ff, lut, *["?"] * 7, "-"
+        yield f"{name}, the paper's", "?", ff, lut, *["?"] * 7, "-"
     for row in _of(rows, "core"):
-        yield _title(row), *(row[cell] for cell in CELLS), row["rows"], _error(row)
+        yield _title(row), row["pipeline"], *(row[cell] for cell in CELLS), row["rows"], _error(row)
 
 
 def block_rows(rows):
     """What each block takes, as text."""
     for row in _of(rows, *BLOCKS.values(), REST):
-        yield _title(row), row["scope"], *(row[cell] for cell in CELLS)
+        yield _title(row), row["pipeline"], row["scope"], *(row[cell] for cell in CELLS)
 
 
 def ladder_rows(rows):
     """The rows of the ladder, as text: coordinates alone, the errors they make."""
-    cores = {_title(row): row for row in _of(rows, "core")}
+    cores = {(_title(row), row["pipeline"]): row for row in _of(rows, "core")}
     for row in _of(rows, "coordinates"):
-        core = cores[_title(row)]
+        core = cores[_title(row), row["pipeline"]]
         ramb18 = row["ramb18"] + 2 * row["ramb36"]
-        yield _title(row), _error(core), row["ff"], row["lut"], row["dsp"], ramb18, core["latency"]
+        yield _title(row), row["pipeline"], _error(core), row["ff"], row["lut"], row["dsp"], ramb18, core["latency"]
 
 
 def ratios(rows):
-    """What `proposed` takes of `conventional`, here and in the paper; empty where one of them was not measured."""
+    """What `proposed` takes of `conventional`, compact, here and in the paper; empty where one of them was not measured."""
     found = {
         row["datapath"]: (row["ff"], row["lut"])
         for row in _of(rows, "core")
-        if not row["lens"] and not row["dsp_allowed"]
+        if not row["lens"] and not row["dsp_allowed"] and row["pipeline"] == COMPACT.name
     }
     if not PAPER.keys() <= found.keys():
         return ""
@@ -212,7 +217,7 @@ def ratios(rows):
         ff, lut = (100 * ours / theirs for ours, theirs in zip(figures["proposed"], figures["conventional"]))
         return f"{ff:.0f} % of the flip-flops and {lut:.0f} % of the LUT"
 
-    return f"proposed takes {share(found)} of conventional; in the paper {share(PAPER)}."
+    return f"Compact, proposed takes {share(found)} of conventional; in the paper {share(PAPER)}."
 
 
 def caption(size):

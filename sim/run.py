@@ -13,9 +13,10 @@ from rich.console import Console
 from hdl import files
 from hdl.calibration.rig import SIDES
 from hdl.cli import camera_table, note, run, steps
+from hdl.core.options import OUTPUT, core_options
 from hdl.core.plan_file import load_folder, stereo_rig
 from hdl.errors import InputError
-from hdl.generate import OUTPUT, build_cores, check_targets, core_options, load_rig, write
+from hdl.generate import build_cores, check_targets, load_rig, write
 from sim.compiler import compile_core
 from sim.frame import frame_through
 from sim.images import in_8_bits, read_image

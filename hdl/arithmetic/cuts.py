@@ -1,6 +1,6 @@
 """Where the registers of a core are: pipelines by name, and the registers of values that wait in them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from amaranth import Cat, Module, Signal, Value, ValueLike
@@ -35,6 +35,9 @@ class Pipeline:
         Before the write ports of the line buffer.
     products : bool
         Within products and between the adders that sum them.
+    narrow : bool
+        No register, but a slice of the line buffer's memories for each bit: more block RAMs, and fewer look-up tables
+        to choose from.
     """
 
     name: str
@@ -48,6 +51,12 @@ class Pipeline:
     taps: bool = False
     writes: bool = False
     products: bool = False
+    narrow: bool = False
+
+    @property
+    def lean(self) -> "Pipeline":
+        """The same with fewer look-up tables, for more block RAMs and flip-flops."""
+        return replace(self, interpolator=RADIX4, narrow=True)
 
 
 COMPACT = Pipeline("compact", "as few registers as there can be")

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 
 from hdl.arithmetic.cost import GOALS
+from hdl.arithmetic.cuts import BALANCED, PIPELINES
 from hdl.calibration.rig import SIDES, STRETCH, Rig, stretch
+from hdl.core.clock import FAMILIES, reached, shallowest
 from hdl.core.line_memory import LineMemoryError, refuse_early
 from hdl.core.plan import PLAN_VERSION, Plan
 from hdl.core.versions import versions
@@ -40,7 +42,7 @@ class Options:
     datapath : str
         A key of `DATAPATHS`, or `AUTO`: the cheapest that meets the budget.
     optimise : str
-        What `AUTO` saves; a key of `hdl.arithmetic.cost.GOALS`.
+        What `AUTO` saves; a key of `hdl.arithmetic.cost.GOALS`. ``lut`` also gives the pipeline its `Pipeline.lean` form.
     max_error : float or None
         Largest allowed coordinate error per axis, px.
     pixel_bits, channels, fraction_bits : int
@@ -49,6 +51,12 @@ class Options:
         Largest allowed line memory, KiB.
     dsp : bool
         Whether multiplications are left to the synthesis tool, which puts them into DSP blocks; else adders make them.
+    pipeline : str
+        A key of `PIPELINES`.
+    clock : float or None
+        MHz that the core must reach: the shallowest pipeline that does is taken in ``pipeline``'s stead.
+    family : str
+        What FPGA the clock is of; a key of `hdl.core.clock.FAMILIES`.
 
     Raises
     ------
@@ -65,6 +73,9 @@ class Options:
     max_line_buffer_kib: int = 4096
     optimise: str = "balanced"
     dsp: bool = True
+    pipeline: str = BALANCED.name
+    clock: float | None = None
+    family: str = "xc7"
 
     def __post_init__(self) -> None:
         names = (AUTO, *DATAPATHS)
@@ -78,6 +89,9 @@ class Options:
                 "a positive number of pixels",
             ),
             ("--fraction-bits", self.fraction_bits, 3 <= self.fraction_bits <= 8, "3 to 8"),
+            ("--pipeline", self.pipeline, self.pipeline in PIPELINES, f"one of {', '.join(PIPELINES)}"),
+            ("--clock", self.clock, self.clock is None or 0 < self.clock < math.inf, "a positive number of MHz"),
+            ("--family", self.family, self.family in FAMILIES, f"one of {', '.join(FAMILIES)}"),
             ("--max-line-buffer-kib", self.max_line_buffer_kib, self.max_line_buffer_kib >= 1, "1 or more"),
         ):
             if not fits:
@@ -143,6 +157,12 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
     else:
         progress(f"word lengths of {options.datapath}")
         datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
+    clocked = view.lens, view.width, options.family
+    pipeline = PIPELINES[options.pipeline]
+    if options.clock is not None:
+        pipeline = shallowest(options.clock, datapath.name, *clocked)
+    clock = reached(datapath.name, pipeline.name, *clocked)
+    datapath = datapath.with_pipeline(pipeline.lean if options.optimise == "lut" else pipeline)
     progress("error at every pixel")
     error = datapath.coordinates.error(*exact, view.source_size)
     worst = max(error["u"]["max"], error["v"]["max"])
@@ -191,6 +211,8 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
         distortion_dropped=None if view.lens else _dropped(view),
         datapath=datapath.name,
         dsp=options.dsp,
+        pipeline={"name": pipeline.name, "mhz": clock.mhz, "basis": clock.basis},
+        optimise=options.optimise,
         fraction_bits=options.fraction_bits,
         pixel_bits=options.pixel_bits,
         channels=options.channels,
@@ -284,7 +306,8 @@ def _header(top: str, view: View, datapath: Datapath, options: Options) -> str:
     return (
         f"{top}{MARK} {view.side} camera, {view.width}x{view.height} px of {pixel} bits, "
         f"1 px/clock.\n{_source(view)}"
-        f"Datapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens.\n"
+        f"Datapath {datapath.name}: {datapath.summary}; {'with' if view.lens else 'without'} the lens; pipeline "
+        f"{datapath.pipeline.name}.\n"
         f"AXI4-Stream video in (s_axis) and out (m_axis), tuser: start of frame, tlast: end of line; aresetn is\n"
         f"synchronous. Accuracy, memory and latency: {top}.json."
     )

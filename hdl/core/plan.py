@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PLAN_VERSION = 3
+PLAN_VERSION = 4
 
 Row3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Matrix3x3 = Annotated[list[Row3], Field(min_length=3, max_length=3)]
@@ -71,6 +71,14 @@ class LineBufferEntry(_Entry):
     d_hi: int
 
 
+class PipelineEntry(_Entry):
+    """The pipeline, and the clock (MHz) that cores like this one reached, and on what basis."""
+
+    name: str
+    mhz: float
+    basis: str
+
+
 class Statistics(_Entry):
     """Mean and greatest magnitude, px."""
 
@@ -120,7 +128,7 @@ class Plan(_Entry):
     null where nothing is left out. ``versions`` are those of the programs that decide the text.
     """
 
-    plan_version: Literal[3]
+    plan_version: Literal[4]
     top: str
     camera: CameraEntry
     rectification: RectificationEntry
@@ -131,6 +139,8 @@ class Plan(_Entry):
     distortion_dropped: AxesEntry | None
     datapath: str
     dsp: bool
+    pipeline: PipelineEntry
+    optimise: str
     fraction_bits: int
     pixel_bits: int
     channels: int

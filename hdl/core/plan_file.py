@@ -58,7 +58,8 @@ class PlannedCore:
     def rebuild(self, progress=lambda step: None):
         """The `Core` that the plan states: the same Verilog, and everything else in the plan the same.
 
-        What led to it is kept as it is: ``considered``, of which only the choice is checked, and ``minimised``.
+        What led to it is kept as it is: ``considered``, of which only the choice is checked, ``minimised`` and the clock
+        that cores like it reached.
 
         Raises
         ------
@@ -79,6 +80,7 @@ class PlannedCore:
         found, stated = core.plan.model_dump(), plan.model_dump()
         for name in ("considered", "max_error_requested", "versions", "verilog_sha256", "plan_sha256"):
             found[name] = stated[name]
+        found["pipeline"] |= {name: stated["pipeline"][name] for name in ("mhz", "basis")}
         found["rectification"]["minimised"] = stated["rectification"]["minimised"]
         difference = _difference(found, stated)
         if difference:
@@ -197,6 +199,8 @@ def _options(plan, budget=None):
         border=Border(plan.border.mode, plan.border.value),
         max_line_buffer_kib=2**40,
         dsp=plan.dsp,
+        pipeline=plan.pipeline.name,
+        optimise=plan.optimise,
     )
 
 

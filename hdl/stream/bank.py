@@ -37,8 +37,8 @@ class BankLayout:
     registered: bool = False
 
     @classmethod
-    def of(cls, depth, width, blocks=False):
-        """The layout of a bank of ``depth`` words of ``width`` bits.
+    def of(cls, depth, width, blocks=False, narrow=False):
+        """The layout of a bank of ``depth`` words of ``width`` bits, with ``narrow`` in slices of one bit.
 
         Without ``blocks`` it is for the tools to put block RAMs on each other: in slices of a word so narrow that these
         are `STACKED` at most, since their outputs take more look-up tables to choose from than narrower ones. With
@@ -46,9 +46,11 @@ class BankLayout:
         as few of them as that takes.
         """
         if not blocks:
+            if narrow:
+                return cls(depth, width, depth, 1)
             slices = ((4096, width), (8192, 4), (16384, 2))
             return cls(depth, width, depth, next((bits for words, bits in slices if depth <= STACKED * words), 1))
-        fitting = [block for block in _BLOCKS if depth <= STACKED_BLOCKS * block[0]] or _BLOCKS[-1:]
+        fitting = [block for block in _BLOCKS if depth <= STACKED_BLOCKS * block[0] and not narrow] or _BLOCKS[-1:]
         words, bits = min(fitting, key=lambda block: -(-depth // block[0]) * -(-width // block[1]))
         return cls(depth, width, words, min(bits, width), registered=True)
 

@@ -84,7 +84,7 @@ class LineBufferParameters:
     @property
     def bank(self):
         """The `BankLayout` of each of the four banks."""
-        return BankLayout.of(self.depth, self.pixel_width, self.pipeline.blocks)
+        return BankLayout.of(self.depth, self.pixel_width, self.pipeline.blocks, self.pipeline.narrow)
 
     @property
     def ring(self):

@@ -106,6 +106,7 @@ def row(datapath, scope, lens=False, dsp_allowed=False, **cells):
     extra = {"error": {"u": 0.04, "v": 0.05}, "rows": 26, "latency": 3} if scope == "core" else {}
     return {
         "datapath": datapath, "lens": lens, "scope": scope, "width": 640, "height": 480, "dsp_allowed": dsp_allowed,
+        "pipeline": "compact",
         **cells, **extra,
     }  # fmt: skip
 
@@ -123,13 +124,13 @@ def test_table_2_has_the_papers_figures_and_a_row_with_dsp_blocks_only_where_som
     assert [line[0] for line in rows] == [
         "conventional, the paper's", "proposed, the paper's", "conventional", "conventional, with DSP", "proposed",
     ]  # fmt: skip
-    assert [line[1:3] for line in rows[:2]] == [(12837, 9508), (593, 3718)]  # the paper's Table 2
+    assert [line[2:4] for line in rows[:2]] == [(12837, 9508), (593, 3718)]  # the paper's Table 2
     assert len(list(resources.block_rows(ROWS))) == 12 and len(list(resources.ladder_rows(ROWS))) == 3
 
 
 def test_ratios_are_stated_for_ours_and_the_papers():
     assert resources.ratios(ROWS) == (
-        "proposed takes 20 % of the flip-flops and 25 % of the LUT of conventional; "
+        "Compact, proposed takes 20 % of the flip-flops and 25 % of the LUT of conventional; "
         "in the paper 5 % of the flip-flops and 39 % of the LUT."
     )
     assert resources.ratios(ROWS[:10]) == ""
@@ -175,7 +176,7 @@ def test_tables_of_some_datapaths_do_not_go_into_the_readme(own_readme, capsys):
 
 def test_a_core_and_its_blocks_are_measured(tmp_path):
     view = rectify(calibration.embedded((64, 48)), lens=False)["left"]
-    job = resources.Job("proposed", False, False, build(view, Options("proposed"), "core"))
+    job = resources.Job("proposed", False, False, "compact", build(view, Options("proposed", pipeline="compact"), "core"))
     found = {line["scope"]: line for line in resources.cells(job, tmp_path)}
     assert found.keys() == {"core", "coordinates", "line buffer", "interpolator", "stream"}
     for cell in resources.CELLS:
