@@ -200,7 +200,10 @@ SMALL = "--size 64x48 --datapath proposed --camera left"
             "--lens-model radtan",
             "--lens-model: radtan: there is no CALIBRATION to read; the example rig needs none",
         ),
-        ("--optimise lut", "--optimise: lut: decides among datapaths; proposed was named already"),
+        ("--optimise ff", "--optimise: ff: decides among datapaths; proposed was named already"),
+        ("--pipeline fast --clock 100", "--pipeline: fast: --clock chooses the pipeline; give one of the two"),
+        ("--clock 0", "--clock: 0.0: must be a positive number of MHz"),
+        ("--clock nan", "--clock: nan: must be a positive number of MHz"),
         ("--output=", "--output: an empty name; . is the folder here"),
         (
             f"--border constant:{'9' * 5000}",

@@ -276,4 +276,4 @@ def test_two_cores_that_are_no_pair_are_refused(folder, change, message):
 def test_every_option_that_decides_a_core_is_in_its_plan():
     options = {field.name for field in dataclasses.fields(Options)}
     # A budget is stated under another name; the others decide which core is built and not what it is.
-    assert options - Plan.model_fields.keys() == {"max_error", "optimise", "max_line_buffer_kib"}
+    assert options - Plan.model_fields.keys() == {"max_error", "clock", "family", "max_line_buffer_kib"}
