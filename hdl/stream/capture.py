@@ -63,8 +63,12 @@ class Capture(wiring.Component):
     def elaborate(self, platform):
         m = Module()
         y = Signal(range(self._height))
-        in_frame, in_step, moves = Signal(), Signal(), Signal()
-        line_is_full, is_last_line = Signal(), Signal(init=self._ahead and self._height == 1)
+        # Each on a line of its own, from which Amaranth has its name.
+        in_frame = Signal()
+        in_step = Signal()
+        moves = Signal()
+        line_is_full = Signal()
+        is_last_line = Signal(init=self._ahead and self._height == 1)
         m.d.comb += [
             # Out of step are beats between frames, and a start of frame within one: then lines are missing.
             in_step.eq(in_frame ^ self.sof),

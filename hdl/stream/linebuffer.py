@@ -226,7 +226,8 @@ class LineBuffer(wiring.Component):
     def _write_side(self, m, banks):
         p = self._parameters
         odd_slot = Signal()
-        base, end = Signal(p.ring.address_bits), Signal(reset_less=p.pipeline.writes)
+        base = Signal(p.ring.address_bits)
+        end = Signal(reset_less=p.pipeline.writes)
         # Registered it is right a clock later; a row takes longer.
         domain = m.d.sync if p.pipeline.writes else m.d.comb
         domain += end.eq(base == (p.rows // 2 - 1) * p.pitch)

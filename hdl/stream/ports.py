@@ -80,7 +80,8 @@ class OutputSkid(wiring.Component):
 
     def elaborate(self, platform):
         m = Module()
-        out, aside = Signal.like(self.o, reset_less=True), Signal.like(self.o, reset_less=True)
+        out = Signal.like(self.o, reset_less=True)
+        aside = Signal.like(self.o, reset_less=True)
         standing = Signal()  # inverted, or synthesis makes one register of the two
         m.d.comb += [self.running.eq(~standing), self.o.eq(out)]
         with m.If(~self.o_valid | self.o_ready):

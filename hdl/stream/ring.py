@@ -75,7 +75,8 @@ class Ring:
             with m.If(stages.enable):
                 m.d.sync += slot.eq(Mux(unwrapped >= self._rows, unwrapped - self._rows, unwrapped))
             odd_row = slot[0]
-            even, odd = Signal(self.address_bits), Signal(self.address_bits)
+            even = Signal(self.address_bits)
+            odd = Signal(self.address_bits)
             below = Mux(slot == self._rows - 1, 0, odd + self._pitch)
             m.d.comb += [odd.eq((slot >> 1) * self._pitch), even.eq(Mux(odd_row, below, odd))]
         if self._registered:
@@ -94,10 +95,9 @@ class Ring:
         rows, bits = self._rows, ceil_log2(2 * self._rows)
         first = Signal(range(rows), init=self._lowest % rows)  # slot of the lowest row of the output row in progress
         offset = Signal(bits, init=(self._lowest - self._lowest % rows) % 2**bits)
-        passes_end, following = Signal(), Signal(bits)
-        if self._registered:
-            # They are right two clocks later; a row takes longer.
-            passes_end, following = Signal(init=self._lowest % rows == rows - 1), Signal(bits, reset_less=True)
+        # Registered they are right two clocks later; a row takes longer.
+        passes_end = Signal(init=self._registered and self._lowest % rows == rows - 1)
+        following = Signal(bits, reset_less=self._registered)
         domain = m.d.sync if self._registered else m.d.comb
         domain += [
             passes_end.eq(first == rows - 1),
