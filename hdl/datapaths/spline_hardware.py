@@ -75,7 +75,9 @@ class SplineCoordinates(wiring.Component):
         # The steps of a position are taken with it, or, ahead, in the next clock that moves on.
         step = moves = self.step
         if ahead:
-            step, moves, taken = Signal(name="steps"), self.enable, Signal()
+            moves = self.enable
+            step = Signal(name="steps")
+            taken = Signal()
             with m.If(self.enable):
                 m.d.sync += taken.eq(self.step)
             m.d.comb += step.eq(self.enable & taken)
@@ -150,7 +152,8 @@ class SplineCoordinates(wiring.Component):
 
         cut_bits = u.value_bits - p.fraction_bits
         v_less_row = values["v"] >> cut_bits
-        waiting, coordinate = Signal.like(v_less_row, reset_less=True), Signal.like(self.v, reset_less=True)
+        waiting = Signal.like(v_less_row, name="v_waiting", reset_less=True)
+        coordinate = Signal.like(self.v, name="v_coordinate", reset_less=True)
         # Ahead, the position is the next one already.
         row_of_v = self.y << p.fraction_bits
         with m.If(step):

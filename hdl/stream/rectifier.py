@@ -233,7 +233,8 @@ def _connect(m: Module, p: RectifierParameters, s_axis: _Pixels, m_axis: _Pixels
     )
 
     # The clock enable of all between raster and output, and the same for logic.
-    enable, running = Signal(), Signal()
+    enable = Signal()
+    running = Signal()
     _connect_input(m, p, s_axis, capture, line_buffer)
     stages = Stages(m, enable)
     to_window, to_output = p.datapath.latency, p.pipeline_latency - p.pipeline.ports

@@ -148,9 +148,9 @@ REBUILT = "rebuilding the core gives {}; generate it anew"
 @pytest.mark.parametrize(
     "change, message",
     [
-        (changed("plan_version", to=2), "plan_version = 2: plans of version 3 can be read; generate it anew"),
-        (changed("note", to="mine"), "note = mine: is no field of a plan of version 3"),
-        (changed("error", "u", "median", to=1), "error.u.median = 1: is no field of a plan of version 3"),
+        (changed("plan_version", to=2), "plan_version = 2: plans of version 4 can be read; generate it anew"),
+        (changed("note", to="mine"), "note = mine: is no field of a plan of version 4"),
+        (changed("error", "u", "median", to=1), "error.u.median = 1: is no field of a plan of version 4"),
         (lambda plan: plan.pop("formats"), "formats: is missing"),
         (lambda plan: plan["error"]["v"].pop("mean"), "error.v.mean: is missing"),
         (changed("camera", "side", to="middle"), "camera.side = middle: input should be 'left' or 'right'"),
