@@ -204,7 +204,7 @@ def ladder_rows(rows):
 
 
 def ratios(rows):
-    """What `proposed` takes of `conventional`, compact, here and in the paper; empty where one of them was not measured."""
+    """What `proposed` takes of `conventional`, both compact, here and in the paper; empty unless both were measured."""
     found = {
         row["datapath"]: (row["ff"], row["lut"])
         for row in _of(rows, "core")

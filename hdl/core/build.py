@@ -42,7 +42,7 @@ class Options:
     datapath : str
         A key of `DATAPATHS`, or `AUTO`: the cheapest that meets the budget.
     optimise : str
-        What `AUTO` saves; a key of `hdl.arithmetic.cost.GOALS`. ``lut`` also gives the pipeline its `Pipeline.lean` form.
+        What `AUTO` saves; a key of `hdl.arithmetic.cost.GOALS`. ``lut`` also makes the pipeline `Pipeline.lean`.
     max_error : float or None
         Largest allowed coordinate error per axis, px.
     pixel_bits, channels, fraction_bits : int

@@ -58,8 +58,8 @@ class PlannedCore:
     def rebuild(self, progress=lambda step: None):
         """The `Core` that the plan states: the same Verilog, and everything else in the plan the same.
 
-        What led to it is kept as it is: ``considered``, of which only the choice is checked, ``minimised`` and the clock
-        that cores like it reached.
+        What led to it is kept as it is: ``considered``, of which only the choice is checked, ``minimised`` and the
+        clock that cores like it reached.
 
         Raises
         ------

@@ -126,7 +126,8 @@ class Spline(Datapath):
         lut, ramb18 = ff + 12, 0
         if self.pipeline.ahead:
             # What follows from the position; of v, one of the registers in which it waits holds its row too.
-            ff += 10 + self.column_bits + ceil_log2(self.u_surface.cells.rows) + self.coordinate_formats[1].width - waiting
+            ff += 10 + self.column_bits + ceil_log2(self.u_surface.cells.rows)
+            ff += self.coordinate_formats[1].width - waiting
         for words, width, lut_a_word in (
             (4 << self.column_bits, word, 1.4 * word / 64),
             (self.rom_pitch * self.u_surface.cells.rows, formats["bend"], formats["bend"] / 16),

@@ -109,7 +109,8 @@ class Radix4(Blend):
             difference = Signal(signed(width + 1), name=f"{name}_{index}_difference")
             m.d.comb += difference.eq(odd - even)
             differences.append(difference)
-            sums.append(self._highest(m, f"{name}_{index}", even, odd, difference, weights[2 * self._low_digits :], half))
+            top = weights[2 * self._low_digits :]
+            sums.append(self._highest(m, f"{name}_{index}", even, odd, difference, top, half))
         for digit in reversed(range(self._low_digits)):
             if (self._low_digits - 1 - digit) % self._PER_CLOCK == 0:
                 step = f"{name}_{digit}"

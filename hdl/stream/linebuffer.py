@@ -116,8 +116,8 @@ class LineBuffer(wiring.Component):
     four banks. Within a bank the address is slot // 2 * pitch + column // 2. The banks are never read where the write
     side may write.
 
-    Latency: `LineBufferParameters.latency` enabled clocks from ``u`` and ``v`` to ``taps``, ``place_latency`` to what is
-    said of the window. Throughput: 1 px/clock.
+    Latency: `LineBufferParameters.latency` enabled clocks from ``u`` and ``v`` to ``taps``, ``place_latency`` to what
+    is said of the window. Throughput: 1 px/clock.
 
     Parameters
     ----------
@@ -198,7 +198,8 @@ class LineBuffer(wiring.Component):
         for row in range(2):
             for col in range(2):
                 place = f"{row}_{col}"
-                address, inside = Signal(ceil_log2(p.depth), name=f"read_address_{place}"), Signal(name=f"reads_{place}")
+                address = Signal(ceil_log2(p.depth), name=f"read_address_{place}")
+                inside = Signal(name=f"reads_{place}")
                 m.d.comb += [
                     # The even column of a pair is the pair's first, or the next pair's.
                     address.eq(self._address(bases[row], column >> 1, None if col else column[0])),

@@ -9,8 +9,8 @@ from hdl.geometry.rectification import rectify
 
 
 def row(datapath, pipeline, width, ns, mhz, lens=False):
-    size = {"width": width, "height": width * 3 // 4}
-    return {"datapath": datapath, "lens": lens, "pipeline": pipeline, **size, "xc7": {"ns": ns}, "ecp5": {"median": mhz}}
+    core = {"datapath": datapath, "lens": lens, "pipeline": pipeline, "width": width, "height": width * 3 // 4}
+    return {**core, "xc7": {"ns": ns}, "ecp5": {"median": mhz}}
 
 
 ROWS = [
