@@ -10,7 +10,7 @@ import re
 from hdl.errors import ToolError
 from hdl.tools.xc7_dsp import Dsp
 
-# Whatever is not said otherwise below.
+# From the clock to an output; through a look-up table, be it logic or the choice of a word of a memory.
 FLIP_FLOP, SHIFT_REGISTER, LUT_RAM, BLOCK_RAM, BLOCK_RAM_REGISTERED = 0.456, 1.61, 1.32, 2.454, 0.882
 LUT = 0.124
 MULTIPLEXERS = {"MUXF7": {"I0": 0.217, "I1": 0.223, "S": 0.296}, "MUXF8": {"I0": 0.104, "I1": 0.094, "S": 0.273}}
@@ -36,15 +36,15 @@ class Cell:
     ----------
     launch : float or None
         From the clock to an output; None where no register drives it.
-    setup : {str: float}
+    setup : {str: float} or None
         From an input to the clock, by patterns of its ports; a port that matches none reaches no register.
     """
 
     #: The longest way between two registers in the cell.
     within = 0.0
 
-    def __init__(self, launch=None, setup={}):
-        self._launch, self._setup = launch, setup
+    def __init__(self, launch=None, setup=None):
+        self._launch, self._setup = launch, setup or {}
 
     def launch(self, port):
         """From the clock to an output; None where no register drives it."""
