@@ -85,7 +85,6 @@ def _plain(register):
         and parameters["LSRMUX"] == "LSR"
         and pins.get("LSR", _NEVER) == _NEVER
         and parameters["REGSET"] == "RESET"
-        and not pins.get("M")
     )
 
 
