@@ -8,7 +8,7 @@ import pytest
 from hdl.errors import ToolError
 from hdl.tools import yosys
 from hdl.tools.output_registers import absorb, registered_blocks
-from hdl.tools.synthesis import ecp5, netlist
+from hdl.tools.synthesis import ecp5
 
 MEMORY = """module {name}(input clk, reset, write, enable, go, other, input [{address}:0] to, from, input [{top}:0] d,
     output [{top}:0] q, output [{top}:0] more);
