@@ -120,11 +120,11 @@ def _jobs(view, name, progress):
     for dsp in (False, True):
         progress(f"{name}, {'with' if view.lens else 'without'} the lens")
         yield Job(
-            name, view.lens, dsp, _within_budget(view, Options(name, fitted_budget(Options.fraction_bits), dsp=dsp))
+            name, view.lens, dsp, within_budget(view, Options(name, fitted_budget(Options.fraction_bits), dsp=dsp))
         )
 
 
-def _within_budget(view, options):
+def within_budget(view, options):
     """The core within the budget that all have in common; without one where the rig and not the hardware decides."""
     try:
         return build(view, options, "core")

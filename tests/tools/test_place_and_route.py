@@ -129,7 +129,8 @@ def test_what_was_routed_is_not_routed_again(tools, tmp_path):
 
 def test_what_it_was_measured_by_is_said(tools):
     assert place_and_route.conditions() == (
-        f"ECP5 (LFE5U-85F-6 CABGA381), Yosys {yosys.version().split('.post')[0]}, nextpnr 0.1, registers around all ports"
+        f"ECP5 (LFE5U-85F-6 CABGA381), Yosys {yosys.version().split('.post')[0]}, nextpnr 0.1, "
+        "registers around all ports"
     )
 
 
