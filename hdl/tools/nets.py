@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 
 class Pin(NamedTuple):
-    """One bit of a cell's port."""
+    """One bit, by its place, of a cell's port."""
 
     cell: str
     port: str
-    index: int
+    bit: int
 
 
 class Nets:
