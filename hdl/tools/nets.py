@@ -65,8 +65,9 @@ class Nets:
 
     def block(self, bit):
         """The submodule that a bit belongs to, or its own name where it is the top module's; None where only Yosys has
-        a name for it."""
-        for name in (self.name(bit), self.drivers[bit].cell if bit in self.drivers else "$"):
+        a name for it. A net from one submodule into another may be said to be of either."""
+        # Of a memory it is certain: the cell has its name.
+        for name in (self.drivers[bit].cell if bit in self.drivers else "$", self.name(bit)):
             if "$" not in name:
                 return name.partition(".")[0].partition("[")[0]
         return None
