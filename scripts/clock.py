@@ -6,10 +6,12 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
 import rich_click as click
 
 from hdl import calibration, files
 from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST, PIPELINES
+from hdl.calibration.rig import SIDES
 from hdl.cli import SizeType, run, steps
 from hdl.core.build import Core, Options
 from hdl.datapaths import DATAPATHS
@@ -137,9 +139,22 @@ def build_all(wanted, progress):
 
 
 def build(case) -> Core:
-    view = rectify(calibration.embedded(case.size), lens=case.lens)["left"]
+    view = rectify(embedded(case.size), lens=case.lens)["left"]
     # PIPELINE: to be built with pipeline=case.pipeline.
     return within_budget(view, Options(case.datapath, fitted_budget(Options.fraction_bits), dsp=case.dsp_allowed))
+
+
+def embedded(size):
+    """The embedded rig with images of ``size``, px: the middle of what its cameras see, as video modes of a sensor of
+    another shape are. Resampled, its pixels would not be square, and its lines would bend much further."""
+    rig = calibration.embedded()
+    scale = max(wanted / given for wanted, given in zip(size, (rig.width, rig.height)))
+    whole = round(scale * rig.width), round(scale * rig.height)
+    margin = np.zeros((3, 3))
+    margin[:2, 2] = (np.array(whole) - size) / 2
+    rig = calibration.embedded(whole)
+    cameras = {side: dataclasses.replace(rig.camera(side), K=rig.camera(side).K - margin, size=size) for side in SIDES}
+    return dataclasses.replace(rig, width=size[0], height=size[1], **cameras)
 
 
 def measure(built, cache, progress):
@@ -168,15 +183,19 @@ def row_of(case):
 def measured(case, core, cache):
     """The row of one core.
 
-    "xc7" has the cells, and the longest path by the model; "ecp5", and "ecp5_outreg" where the pipeline has registers
-    behind block RAM, else None, what `hdl.tools.place_and_route.Routed` has, with the median and its path.
+    "xc7" has the cells, and the longest path by the model; "ecp5", None where the device is too small, what
+    `hdl.tools.place_and_route.Routed` has, with the median and its path; so has "ecp5_outreg", None where the pipeline
+    has no registers behind block RAM, too.
     """
     top, verilog = core.plan.top, core.verilog
     made = netlist(verilog, top, xc7(top, case.dsp_allowed), cache=cache)
     path = longest_path(made)
 
     def routed(outreg):
-        found = ecp5.place_and_route(verilog, top, seeds=SEEDS, outreg=outreg, dsp=case.dsp_allowed, cache=cache)
+        try:
+            found = ecp5.place_and_route(verilog, top, seeds=SEEDS, outreg=outreg, dsp=case.dsp_allowed, cache=cache)
+        except ecp5.TooLarge:
+            return None
         return {
             "median": found.median,
             "mhz": {str(seed): mhz for seed, mhz in found.mhz.items()},

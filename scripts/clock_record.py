@@ -47,6 +47,7 @@ def table_rows(rows):
     """The rows of the table, as text."""
     for row in rows:
         model, routed, registered = row["xc7"], row["ecp5"], row["ecp5_outreg"]
+        path = (registered or routed or {"path": []})["path"]
         yield (
             title(row),
             row["pipeline"],
@@ -56,9 +57,9 @@ def table_rows(rows):
             model["ramb18"] + 2 * model["ramb36"],
             f"{model['ns']:.2f}",
             f"{1000 / model['ns']:.0f}",
-            _mhz(routed),
+            _mhz(routed) if routed else "too large",
             _mhz(registered) if registered else "-",
-            " > ".join(f"{block} {ns:.1f}" for block, ns in (registered or routed)["path"]),
+            " > ".join(f"{block} {ns:.1f}" for block, ns in path) or "-",
         )
 
 
@@ -70,7 +71,8 @@ def as_markdown(record):
     """The table as the README has it."""
     conditions = record["conditions"]
     sentences = [
-        "Whole cores, 8 bit, embedded rig, left camera; -nodsp, but for those with DSP.",
+        "Whole cores, 8 bit, embedded rig, left camera; -nodsp, but for those with DSP. A frame of another shape than",
+        "640x480 is the middle of one of that shape.",
         f"FF, LUT, RAMB18 (a RAMB36 counts as two): {conditions['xc7']}. Model: of that netlist, {MODEL}.",
         f"ECP5-6: {conditions['ecp5']}; the median of {len(record['seeds'])} seeds, and the best of them.",
         "With OUTREG: with the registers behind block RAM taken into it, as Lattice's tools do and Yosys does not; the",

@@ -9,12 +9,13 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from hdl.errors import ToolError
 from hdl.files import named
 from hdl.tools import nextpnr, yosys
 from hdl.tools.output_registers import absorb, registered_blocks
 from hdl.tools.synthesis import ecp5, netlist
 
-DEVICE = "LFE5U-85F-6 CABGA381"
+DEVICE, BLOCKS = "LFE5U-85F-6 CABGA381", 208  # blocks of RAM in it
 _OPTIONS = "--85k --package CABGA381 --speed 6 --lpf-allow-unconstrained --timing-allow-fail"
 CLOCK = 200.0  # MHz to strive for
 
@@ -22,6 +23,10 @@ _WRAPPER, _CORE = "ports_registered", "core"
 # What Yosys and nextpnr name cells by: the net, and these.
 _CELL_NAME = re.compile(r"[\[.$]|_(LUT4|TRELLIS|CCU2C|PFUMX|L6MUX21|DP16KD|MULT18X18D)(_|$)")
 _PORTS = "ports"
+
+
+class TooLarge(ToolError):
+    """A core with more memory than the device has."""
 
 
 @dataclass(frozen=True)
@@ -87,10 +92,14 @@ def place_and_route(
     Raises
     ------
     ToolError
-        Where nextpnr is not installed, and with the error line and the log's path of a tool that fails.
+        Where nextpnr is not installed, and with the error line and the log's path of a tool that fails. `TooLarge`
+        where the core does not fit into the device.
     """
     nextpnr.version()
     alone = netlist(verilog, top, ecp5(top, dsp), cache=cache)
+    blocks = count(alone)["dp16kd"]
+    if blocks > BLOCKS:
+        raise TooLarge(f"{top} has {blocks} blocks of RAM, and {DEVICE.split()[0]} {BLOCKS}")
     text = verilog + wrapper(alone["ports"], top, clock_port)
     if outreg:
         alone = absorb(alone)

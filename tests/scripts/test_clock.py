@@ -13,7 +13,7 @@ from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError, ToolError
 from hdl.geometry.rectification import rectify
 from hdl.tools import nextpnr, place_and_route
-from hdl.tools.place_and_route import Routed
+from hdl.tools.place_and_route import Routed, TooLarge
 from hdl.tools.xc7_timing import MODEL
 from scripts import clock, clock_record, readme
 
@@ -86,6 +86,21 @@ def test_the_table_names_the_model_and_has_both_figures_of_a_core_with_output_re
     )
     assert "| 50 (50) | 65 (70) |" in lines[3] and lines[3].startswith("| proposed | fast |")
     assert "median of 3 seeds" in text and "Yosys 1" in text and "ECP5, nextpnr 2" in text
+
+
+def test_a_core_that_is_too_large_for_the_device_still_has_the_models_figures():
+    line = clock_record.as_markdown(found(row(ecp5=None))).splitlines()[2]
+    assert line.endswith("| 8.00 | 125 | too large | - | - |")
+
+
+def test_a_frame_of_another_shape_is_the_middle_of_the_cameras_image():
+    rig, whole = clock.embedded(clock.FHD), calibration.embedded((1920, 1440))
+    assert (rig.width, rig.height) == rig.left.size == rig.right.size == clock.FHD
+    for side in ("left", "right"):
+        shift = whole.camera(side).K - rig.camera(side).K
+        assert (shift == [[0, 0, 0], [0, 0, 180], [0, 0, 0]]).all()
+    same, given = clock.embedded((320, 240)), calibration.embedded((320, 240))
+    assert (same.left.K == given.left.K).all() and same.left.size == given.left.size
 
 
 VERILOG = """// core: of a camera
@@ -228,5 +243,12 @@ def test_a_core_is_measured_with_output_registers_where_there_are_registers_to_t
     assert measured["ecp5"] == {
         "median": 99.5, "mhz": {"1": 99.5, "2": 99.5, "3": 99.5}, "path": [["raster", 1.0]], "ff": 3,
     }  # fmt: skip
+
+    def too_large(*arguments, **options):
+        raise TooLarge("209 blocks")
+
+    monkeypatch.setattr(place_and_route, "place_and_route", too_large)
+    unfit = clock.measured(clock.Case("proposed", False, False, pipeline, (64, 48)), core, tmp_path)
+    assert (unfit["ecp5"], unfit["ecp5_outreg"], unfit["xc7"]) == (None, None, measured["xc7"])
     assert measured["xc7"]["ff"] == 1 and measured["digest"] == clock_record.digest(core.verilog)
     json.dumps(measured, allow_nan=False)

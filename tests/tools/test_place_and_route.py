@@ -127,6 +127,19 @@ def test_what_was_routed_is_not_routed_again(tools, tmp_path):
     assert [path for path in tmp_path.iterdir() if path.suffix != ".json"] == []
 
 
+def test_a_core_with_more_memory_than_the_device_is_too_large(tools, tmp_path, monkeypatch):
+    block = {"type": "DP16KD", "parameters": {"REGMODE_A": "NOREG", "REGMODE_B": "NOREG"}}
+
+    def netlist(verilog, top, command, *, cache):
+        return {"ports": {}, "netnames": {}, "cells": dict.fromkeys(map(str, range(209)), block)}
+
+    monkeypatch.setattr(place_and_route, "netlist", netlist)
+    with pytest.raises(place_and_route.TooLarge) as error:
+        place_and_route.place_and_route(COUNTER, "core", cache=tmp_path)
+    assert str(error.value) == "core has 209 blocks of RAM, and LFE5U-85F-6 208"
+    assert tools == []
+
+
 def test_what_it_was_measured_by_is_said(tools):
     assert place_and_route.conditions() == (
         f"ECP5 (LFE5U-85F-6 CABGA381), Yosys {yosys.version().split('.post')[0]}, nextpnr 0.1, "
