@@ -1,6 +1,7 @@
 # make        set up a local environment, build the example rig's cores, run a frame through each
 # make test   set up, run all tests, see that the README's tables are current
 # make readme bring the README's tables and picture up to date
+# make clock  measure how fast the cores are, by place and route, within an hour: hdl/core/clock.json, the README's table
 # make clean  remove what was generated, the environment too
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 COMPILER := $(shell command -v $(firstword $(CXX)) g++ clang++ 2>/dev/null | head -n 1)
 
-.PHONY: demo test readme clean
+.PHONY: demo test readme clock clean
 
 demo: $(VENV)/ready
 	$(BIN)/python -m hdl.generate
@@ -26,6 +27,9 @@ readme: $(VENV)/ready
 	$(BIN)/python -m scripts.table1 --readme
 	$(BIN)/python -m scripts.resources --readme
 	$(BIN)/python -m scripts.picture
+
+clock: $(VENV)/ready-for-clock
+	$(BIN)/python -m scripts.clock --readme
 
 clean:
 	rm -rf build $(VENV)
@@ -44,4 +48,8 @@ $(VENV)/ready: $(VENV)/python pyproject.toml
 
 $(VENV)/ready-for-tests: $(VENV)/ready
 	$(PIP) install --quiet --editable '.[test]'
+	@touch $@
+
+$(VENV)/ready-for-clock: $(VENV)/ready
+	$(PIP) install --quiet --editable '.[clock]'
 	@touch $@

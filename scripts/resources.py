@@ -125,10 +125,10 @@ def _jobs(view, name, progress):
     for dsp, pipeline in product((False, True), PIPELINES):
         progress(f"{name}, {pipeline}, {'with' if view.lens else 'without'} the lens")
         options = Options(name, fitted_budget(Options.fraction_bits), dsp=dsp, pipeline=pipeline)
-        yield Job(name, view.lens, dsp, pipeline, _within_budget(view, options))
+        yield Job(name, view.lens, dsp, pipeline, within_budget(view, options))
 
 
-def _within_budget(view, options):
+def within_budget(view, options):
     """The core within the budget that all have in common; without one where the rig and not the hardware decides."""
     try:
         return build(view, options, "core")

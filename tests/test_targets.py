@@ -13,6 +13,7 @@ from hdl.core.build import Options
 from hdl.generate import generate
 from hdl.report.__main__ import report
 from scripts import (
+    clock,
     cost_model,
     figure5,
     growth,
@@ -92,9 +93,11 @@ PROC = "no file can be made in /proc: No such file or directory"
         (figure5.figure5, "--output file/x", f"--output: {IN_THE_WAY}"),
         (resources.resources, "--readme", "--readme: folder: is a folder"),
         (table1.table1, "--readme", "--readme: folder: is a folder"),
+        (clock.clock, "--readme", "--readme: folder: is a folder"),
         *(
             (script, "--json file/x", f"--json: {IN_THE_WAY}")
             for script in (
+                clock.clock,
                 cost_model.cost_model,
                 figure5.figure5,
                 growth.growth,

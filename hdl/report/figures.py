@@ -12,7 +12,9 @@ from hdl.datapaths.base import fitted_budget
 from hdl.datapaths.selection import Considered, choose
 from hdl.errors import InputError
 from hdl.geometry.coordinates import inside_image
+from hdl.report.video import margins
 from hdl.tools import yosys
+from hdl.tools.xc7_timing import MODEL
 
 _NOTED = 0.01  # share of the image without a source from which on it is worth a warning
 
@@ -121,6 +123,20 @@ def timing(core, clock_mhz):
         "latency_us": plan.latency_cycles / clock_mhz,
         "frame_us": plan.width * plan.height / clock_mhz,
         "frames_per_second": clock_mhz * 1e6 / (plan.width * plan.height),
+    }
+
+
+def clock(path):
+    """The highest clock by the model's longest path, and by how much it is higher than video formats' pixel clocks."""
+    return {
+        "model": MODEL,
+        "mhz": path.mhz,
+        "path_ns": path.ns,
+        "path": list(path.via),
+        "formats": [
+            {**dataclasses.asdict(margin.format), "met": margin.met, "margin": margin.share}
+            for margin in margins(path.mhz)
+        ],
     }
 
 

@@ -12,7 +12,8 @@ from hdl.calibration.rig import SIDES
 from hdl.core.build import Core
 from hdl.core.plan_file import PlannedCore, stereo_rig
 from hdl.report import figures, stereo
-from hdl.tools.synthesis import Resources, synthesise
+from hdl.tools.synthesis import Resources, netlist, xc7
+from hdl.tools.xc7_timing import Path, longest_path
 from sim.compiler import compile_core
 from sim.frame import Result, frame_through
 from sim.images import in_8_bits, read_image
@@ -41,6 +42,8 @@ class CameraReport:
     ladder : figures.Ladder
     resources : Resources or None
         Of the whole core, synthesised; None where that was not asked for.
+    path : Path or None
+        The longest one of that, by the model.
     result : Result
         A frame through the folder's Verilog.
     """
@@ -52,6 +55,7 @@ class CameraReport:
     needs: tuple
     ladder: figures.Ladder
     resources: Resources | None
+    path: Path | None
     result: Result
 
     @property
@@ -131,6 +135,7 @@ class Report:
             "considered": [figures.as_dict(entry) for entry in camera.ladder.entries],
             "coordinate_cost": dataclasses.asdict(camera.core.parameters.datapath.cost),
             "resources": camera.resources and dataclasses.asdict(camera.resources),
+            "clock": camera.path and figures.clock(camera.path),
             "pixels_different_from_model": camera.result.model_differences,
             "pixels_different_from_cv2_remap": camera.result.cv2_differences,
             "mean_gray_difference_from_exact_map": camera.result.exact_difference,
@@ -196,13 +201,13 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
         )
         progress("running the frames")
         results = {side: frame_through(core, compiled[side], 0.0, sources[side]) for side, core in cores.items()}
-        resources = dict.fromkeys(cores)
+        made = dict.fromkeys(cores, (None, None))
         if synthesis:
             progress("synthesis")
             found = pool.map(
-                lambda one: synthesise(one.verilog, one.plan.top, dsp=one.plan.dsp, cache=cache), planned.values()
+                lambda one: synthesised(one.verilog, one.plan.top, dsp=one.plan.dsp, cache=cache), planned.values()
             )
-            resources = dict(zip(cores, found))
+            made = dict(zip(cores, found))
     found = None
     if len(cores) == 2:
         progress("row differences")
@@ -215,12 +220,18 @@ def measure(planned, *, images, clock_mhz, distances, synthesis, cache, progress
             {axis: figures.largest(error) for axis, error in errors[side].items()},
             figures.row_needs(core.parameters.datapath.coordinates, core.parameters.border),
             ladders[side],
-            resources[side],
+            *made[side],
             results[side],
         )
         for side, core in cores.items()
     }
     return Report(cameras, clock_mhz, not images, found, geometry, at)
+
+
+def synthesised(verilog, top, *, dsp, cache):
+    """The `Resources` of a core, and the longest `Path` by the model."""
+    found = netlist(verilog, top, xc7(top, dsp), cache=cache)
+    return Resources.of(found), longest_path(found)
 
 
 def jpeg(image, pixel_bits):

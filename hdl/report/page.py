@@ -8,7 +8,9 @@ from hdl.datapaths import DATAPATHS
 from hdl.report import charts, figures, wiring
 from hdl.report.diagram import diagrams
 from hdl.report.measure import Report, jpeg
+from hdl.report.video import FORMATS, margins
 from hdl.tools.synthesis import conditions
+from hdl.tools.xc7_timing import MODEL
 from sim.rows import Rows, most
 
 LINES = 16  # across the pair of pictures
@@ -51,6 +53,10 @@ def page(report: Report) -> str:
         warnings=warnings(report),
         versions=figures.versions(),
         synthesis_conditions=conditions(dsp=report.first.plan.dsp),
+        timing_model=MODEL,
+        formats_of_video=FORMATS,
+        slowest=min((camera.path.mhz for camera in cameras.values() if camera.path), default=None),
+        margins={side: margins(camera.path.mhz) for side, camera in cameras.items() if camera.path},
         unit=unit or charts.UNKNOWN,
         matching=MATCHING,
     )

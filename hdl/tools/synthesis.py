@@ -1,9 +1,10 @@
-"""Resources of a core on a Xilinx 7-series FPGA, by Yosys."""
+"""Resources of a core on a Xilinx 7-series FPGA, and netlists, by Yosys."""
 
 import hashlib
 import json
 import re
 import tempfile
+from collections import Counter
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
@@ -57,17 +58,28 @@ class Resources:
             ramb36=total("RAMB36E1"),
         )
 
+    @classmethod
+    def of(cls, netlist):
+        """Of a `netlist`."""
+        return cls.count(Counter(cell["type"] for cell in netlist["cells"].values()))
+
     def __sub__(self, other):
         return Resources(*(a - b for a, b in zip(astuple(self), astuple(other))))
 
 
 def conditions(dsp):
     """How `synthesise` measures, in words."""
-    return f"Yosys {yosys.version().split('.post')[0]}, {_command('TOP', dsp)}"
+    return f"Yosys {yosys.version().split('.post')[0]}, {xc7('TOP', dsp)}"
 
 
-def _command(top, dsp):
+def xc7(top, dsp):
+    """The Yosys command that makes a netlist for a Xilinx 7-series FPGA, as whole cores are measured."""
     return f"synth_xilinx -family xc7 -flatten -noiopad{'' if dsp else ' -nodsp'} -top {top}"
+
+
+def ecp5(top, dsp):
+    """The one for a Lattice ECP5."""
+    return f"synth_ecp5{'' if dsp else ' -nodsp'} -top {top}"
 
 
 def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
@@ -76,31 +88,74 @@ def synthesise(verilog, top, *, dsp=False, cache=Path("build/cache")):
     Results are cached by content; an entry that is damaged is made anew. Raises ToolError with Yosys's own error line
     and the log's path.
     """
-    command = _command(top, dsp)
+
+    def made(work):
+        return _loaded(work / "stat.json")["design"]["num_cells_by_type"]
+
+    statistics = "tee -q -o stat.json stat -json"
+    return Resources.count(_cached("synthesis", verilog, xc7(top, dsp), statistics, cache, _counted, made))
+
+
+def netlist(verilog, top, command, *, cache=Path("build/cache")):
+    """The module ``top`` of a Verilog text after ``command``, as Yosys describes it in JSON.
+
+    Parameters
+    ----------
+    verilog, top : str
+    command : str
+        `xc7`'s, `ecp5`'s or another that flattens the module.
+    cache : Path
+        As in `synthesise`.
+
+    Returns
+    -------
+    dict
+        "ports", "cells" and "netnames", a bit of a net by its number. A cell has its "type", its "parameters" and, by
+        port, its "port_directions" and "connections".
+    """
+
+    def made(work):
+        module = _loaded(work / "netlist.json")["modules"][top]
+        for entry in (*module["cells"].values(), *module["netnames"].values()):
+            entry["attributes"] = {}  # line numbers, for the most part: more than half of the text
+        return module
+
+    return _cached("netlist", verilog, command, "write_json netlist.json", cache, _connected, made)
+
+
+def _cached(kind, verilog, command, output, cache, whole, made):
+    """What ``made``, called with the folder in which ``command`` and ``output`` have run, gives; or has given before.
+
+    ``whole``: whether what a file of the cache holds is that.
+    """
     key = hashlib.sha256("\0".join((yosys.version(), command, verilog)).encode()).hexdigest()[:20]
-    result = Path(cache) / f"synthesis-{key}.json"
-    cells = _cells(result)
-    if cells is None:
+    result = Path(cache) / f"{kind}-{key}.json"
+    try:
+        found = _loaded(result)
+    except (OSError, ValueError):
+        found = None
+    if not whole(found):
         result.parent.mkdir(parents=True, exist_ok=True)
-        with named(cache), tempfile.TemporaryDirectory(dir=cache, prefix=".synthesis-") as work:
+        with named(cache), tempfile.TemporaryDirectory(dir=cache, prefix=f".{kind}-") as work:
             work = Path(work)
             (work / "core.v").write_text(verilog, encoding="utf-8")
-            script = f"read_verilog core.v; {command}; tee -q -o stat.json stat -json"
-            yosys.run(script, work, keep=result.with_suffix(".log"))
-            cells = json.loads((work / "stat.json").read_text())["design"]["num_cells_by_type"]
-            (work / "cells.json").write_text(json.dumps(cells))
-            (work / "cells.json").replace(result)
-    return Resources.count(cells)
+            yosys.run(f"read_verilog core.v; {command}; {output}", work, keep=result.with_suffix(".log"))
+            found = made(work)
+            (work / "result").write_text(json.dumps(found, separators=(",", ":")))
+            (work / "result").replace(result)
+    return found
 
 
-def _cells(file):
-    """The numbers of cells in a file of the cache; None where it is none."""
-    try:
-        cells = json.loads(file.read_text())
-    except (OSError, ValueError):
-        return None
-    whole = isinstance(cells, dict) and all(isinstance(number, int) for number in cells.values())
-    return cells if whole else None
+def _loaded(file):
+    return json.loads(file.read_text())
+
+
+def _counted(cells):
+    return isinstance(cells, dict) and all(isinstance(number, int) for number in cells.values())
+
+
+def _connected(module):
+    return isinstance(module, dict) and all(isinstance(module.get(name), dict) for name in ("ports", "cells"))
 
 
 def synthesise_block(verilog, module, *, dsp=False, cache=Path("build/cache")):

@@ -17,6 +17,7 @@ from hdl.cli import run
 from hdl.report import figures
 from hdl.report.__main__ import report as command
 from hdl.report.page import page
+from hdl.tools.xc7_timing import MODEL
 from sim.rows import Withheld
 
 
@@ -235,6 +236,32 @@ def test_resources_are_those_of_the_verilog_in_the_folder(written, html):
     for side in SIDES:
         assert f"<td>{70000 + len((written / f'rectify_{side}.v').read_text())}</td>" in html
     assert "301 + 301 FF, 0 + 0 DSP, 2.5 + 2.5 block RAM" in html
+
+
+def test_video_formats_are_compared_with_the_models_clock(report, html):
+    text = words(html)
+    assert "Left: 125 MHz, the longest path 8.0 ns, line_buffer to bilinear. Right: 80 MHz, " in text
+    assert f"This is {MODEL}: " in text and "What this page says of 100 MHz is of a higher clock." in text
+    for row in (
+        "VGA 640 x 480 60 25.175 +397 % +218 %",
+        "720p 1280 x 720 60 74.25 +68 % +8 %",
+        "SXGA 1280 x 1024 60 108 +16 % -26 %, not met",
+        "1080p 1920 x 1080 60 148.5 -16 %, not met -46 %, not met",
+    ):
+        assert row in text
+    assert "pixel clock" in text and "need a core of their own" in text
+    found = report.figures()["cameras"]["right"]["clock"]
+    assert (found["mhz"], found["path_ns"], found["model"]) == (80, 12.5, MODEL)
+    assert [entry["met"] for entry in found["formats"]] == [True] * 5 + [False] * 2
+    slow = replace(report, clock_mhz=80.0)
+    assert "is of a higher clock" not in words(page(slow))
+
+
+def test_without_synthesis_no_clock_is_claimed(report):
+    cameras = {side: replace(camera, resources=None, path=None) for side, camera in report.cameras.items()}
+    bare = replace(report, cameras=cameras)
+    assert MODEL not in page(bare) and words(page(bare)).count("Not synthesised for this page") == 2
+    assert bare.figures()["cameras"]["left"]["clock"] is None
 
 
 def test_sides_come_left_first(report):

@@ -86,6 +86,40 @@ def test_a_damaged_result_of_synthesis_is_made_anew(tmp_path, monkeypatch, damag
     assert len(runs) == 2
 
 
+MODULE = {"attributes": {}, "ports": {}, "cells": {"x": {"type": "INV", "attributes": {}}}, "netnames": {}}
+
+
+def test_netlists_are_kept_by_what_they_are_made_of_and_made_anew_where_damaged(tmp_path, monkeypatch):
+    runs = []
+
+    def run(script, directory, keep):
+        runs.append(script)
+        source = {"src": "core.v:1.1-2.2"}
+        module = {
+            **MODULE,
+            "cells": {"x": {"type": "INV", "attributes": source}},
+            "netnames": {"n": {"attributes": source}},
+        }
+        (directory / "netlist.json").write_text(json.dumps({"modules": {"core": module, "INV": {}}}))
+
+    def made(text="module core; endmodule\n", command=synthesis.xc7("core", False)):
+        return synthesis.netlist(text, "core", command, cache=tmp_path)
+
+    monkeypatch.setattr(yosys, "run", run)
+    first = made()
+    assert first == {**MODULE, "netnames": {"n": {"attributes": {}}}}
+    (entry,) = tmp_path.iterdir()
+    for damage in ("", "[]", '{"ports": {}}', '{"ports": {}, "cells": null}'):
+        assert made() == first
+        entry.write_text(damage)
+    assert made() == made() == first and len(runs) == 5
+    made(command=synthesis.ecp5("core", False))
+    made(text="module core(); endmodule\n")
+    assert len(runs) == 7
+    synthesis_entries = [file for file in tmp_path.iterdir() if not file.name.startswith("netlist-")]
+    assert synthesis_entries == []
+
+
 def test_the_log_of_a_synthesis_that_fails_is_kept(tmp_path):
     with pytest.raises(ToolError) as error:
         synthesis.synthesise("module core; endmodul\n", "core", cache=tmp_path)
