@@ -49,6 +49,13 @@ class Pipeline:
     writes: bool = False
     products: bool = False
 
+    @property
+    def adders(self) -> int | None:
+        """Adders of a product that follow one on the other within a clock; None: all of them."""
+        if not self.products:
+            return None
+        return 1 if self.interpolator == TREE else 2
+
 
 COMPACT = Pipeline("compact", "as few registers as there can be")
 BALANCED = Pipeline(

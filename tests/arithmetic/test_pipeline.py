@@ -8,6 +8,7 @@ from amaranth.lib.wiring import In, Out
 
 from hdl.arithmetic.fixedpoint import Q
 from hdl.arithmetic.pipeline import Pipeline
+from hdl.arithmetic.products import Products
 from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum, delays, evaluate, in_range
 from sim.drivers import feed, observe, pauses, simulate
 
@@ -54,7 +55,7 @@ class Block(wiring.Component):
 
     def elaborate(self, platform):
         m = Module()
-        pipeline = Pipeline(m, self.enable, self._formats, self._dsp)
+        pipeline = Pipeline(m, self.enable, self._formats, Products(self._dsp))
         for name, (_, fraction_bits, delay) in GIVEN.items():
             value = getattr(self, name)
             for _ in range(delay):
