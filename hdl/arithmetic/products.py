@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from amaranth import Cat, Const, Signal, signed
 
 from hdl.arithmetic import dsp, multiplier
+from hdl.arithmetic.cost import waiting
 from hdl.arithmetic.cuts import COMPACT, Pipeline, Stages
 from hdl.arithmetic.rows import Registers
-from hdl.arithmetic.steps import Product, Scaled, step_clocks
+from hdl.arithmetic.steps import Product, Scaled, step_clocks, step_cost
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,50 @@ class Products:
             case Scaled():
                 return self.scaled_clocks(a, step.factor, rounding(step, a_bits, b_bits)[1])
         return step_clocks(step)
+
+    def step_cost(self, step, operands, width):
+        """Look-up tables, flip-flops and DSP blocks of a step, about; ``operands`` as above, ``width`` of its value."""
+        (a, a_bits), (b, b_bits) = operands[0], operands[-1]
+        widths = {step.operands[-1]: b, step.a: a, step.name: width}
+        lut, ff, blocks = step_cost(step, widths, self.dsp)
+        if not self.pipeline.products or not isinstance(step, Product | Scaled):
+            return lut, ff, blocks
+        if self.dsp:
+            other = b if isinstance(step, Product) else len(_odd(step.factor)[0])
+            return lut, ff, len(dsp.blocks(a, other))
+        clocks = self.step_clocks(step, operands)
+        if isinstance(step, Scaled):
+            more = self.scaled_registers(a, step.factor, clocks)
+        elif step.a == step.b:
+            more = self._row_registers(0, a, a, 4, clocks)
+        else:
+            more = self._row_registers(max(a, b), min(a, b), max(a, b), 2, clocks)
+        return lut + more[0], ff + more[1], 0
+
+    def scaled_registers(self, a, factor, clocks, sharing=1):
+        """Look-up tables and flip-flops of the registers between the rows of a multiple, where as many as are
+        ``sharing`` have the operand's in common."""
+        return self._row_registers(a // sharing, 0, a, factor.bit_length() / max(len(multiplier.signed_digits(factor)), 1), clocks)
+
+    def waiting_cost(self, bits, clocks):
+        """Look-up tables and flip-flops of a value of ``bits`` bits that waits for a step.
+
+        DSP blocks have two registers for each factor.
+        """
+        if self.in_blocks:
+            return waiting(bits, max(clocks - 2, 0))
+        return waiting(bits, clocks, ends=self.in_rows)
+
+    def _row_registers(self, kept, used, total, places, clocks):
+        """Those between rows that are ``places`` bits apart: of an operand that is kept, one that is used up from row
+        to row, the sum, and its bits that are final."""
+        lut = ff = 0
+        for left in range(1, clocks):
+            done = (clocks - left) * self.pipeline.adders
+            ff += kept + max(used - 2 * done, 0) + total - 2 * done * (not kept)
+            final = waiting(round(places * self.pipeline.adders), left)
+            lut, ff = lut + final[0], ff + final[1]
+        return lut, ff
 
     def _clocks(self, adders):
         return -(-adders // self.pipeline.adders) if self.in_rows else 1

@@ -61,7 +61,8 @@ class RowSum:
         total = total[min(ready, len(total) - 1) :].as_signed()
         most = 1 << (len(row.value) - 1)
         self._low, self._high = (self._low >> ready) - most, (self._high >> ready) + most
-        added = Signal(signed(Q.covering(self._low, self._high, 0).width), name=f"{self._name}_sum_{self._index}")
+        width = Q.covering(min(self._low, -1), self._high, 0).width
+        added = Signal(signed(width), name=f"{self._name}_sum_{self._index}")
         if row.subtract:
             sum_ = total - row.value
         elif row.carry is None:

@@ -51,11 +51,24 @@ class Conventional(Projective):
 
     @property
     def cost(self):
-        divider = self.divider_cost
+        divider, forms = self.divider_cost, self.form_bits
         if self.dsp:
             # The blocks have registers for most of what is multiplied and added.
-            return Cost(lut=divider.lut + self.form_bits, ff=divider.ff, dsp=6)
-        return Cost(lut=divider.lut + 4 * self.form_bits, ff=divider.ff + 2 * self.form_bits)
+            return Cost(lut=divider.lut + forms, ff=divider.ff + forms * self.pipeline.products, dsp=self.blocks)
+        lut, ff = divider.lut + 4 * forms, divider.ff + 2 * forms
+        for _, size, coefficient, start in chain(*self.terms.values()):
+            if self.pipeline.products:
+                clocks = self.term_clocks(size, coefficient, start)
+                more = self.products.scaled_registers(ceil_log2(size), coefficient, clocks, sharing=len(self.forms))
+                lut, ff = lut + more[0], ff + more[1]
+        return Cost(lut, ff)
+
+    @property
+    def blocks(self):
+        """DSP blocks of the matrix."""
+        if not self.pipeline.products:
+            return 6
+        return sum(self.term_clocks(*term) - 1 for _, *term in chain(*self.terms.values()))
 
     @property
     def products(self):

@@ -102,10 +102,15 @@ class ConventionalLens(Datapath):
         return max(self._delays["u"], self._delays["v"])
 
     @property
-    def _delays(self):
+    def _operands(self):
+        """(bits with a sign, fraction bits) of each value, as `Products` takes them."""
         operands = {name: (q.width + (not q.is_signed), q.fraction_bits) for name, q in self._frame[1].items()}
         # A divider's output has all bits of the quotient.
-        operands |= {step.name: (step.quotient_bits, step.bits) for step in self.steps if isinstance(step, Quotient)}
+        return operands | {step.name: (step.quotient_bits, step.bits) for step in self.steps if isinstance(step, Quotient)}
+
+    @property
+    def _delays(self):
+        operands = self._operands
 
         def clocks(step):
             return self.products.step_clocks(step, [operands[name] for name in step.operands])
@@ -116,10 +121,16 @@ class ConventionalLens(Datapath):
     def cost(self):
         widths = {name: q.width for name, q in self._frame[1].items()}
         pinhole = self.hardware_pinhole.cost
-        added = [step_cost(step, widths, self.dsp) for step in self.steps]
-        # From three clocks on, registers become shift registers, in look-up tables.
+        if self.pipeline.products:
+            operands = self._operands
+            added = [
+                self.products.step_cost(step, [operands[name] for name in step.operands], widths[step.name])
+                for step in self.steps
+            ]
+        else:
+            added = [step_cost(step, widths, self.dsp) for step in self.steps]
         for name, clocks in waits(self.steps, self._delays):
-            added.append((widths[name], 0, 0) if clocks >= 3 else (0, widths[name] * clocks, 0))
+            added.append((*self.products.waiting_cost(widths[name], clocks), 0))
         lut, ff, dsp = (sum(column) for column in zip(*added))
         return Cost(lut=pinhole.lut + lut, ff=pinhole.ff + ff, dsp=pinhole.dsp + dsp)
 

@@ -110,9 +110,10 @@ class Projective(Datapath):
 
     @property
     def divider_cost(self):
-        """`Cost` of the dividers."""
+        """`Cost` of the dividers and of the registers behind them."""
         stages, width = self.quotient_bits, self.formats["divisor"].width
-        return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width)
+        coordinates = sum(q.width for q in self.coordinate_formats) * self.pipeline.products
+        return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width + coordinates)
 
     @property
     def form_bits(self):

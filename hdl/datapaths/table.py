@@ -125,7 +125,7 @@ class Table(Datapath):
         counter = ceil_log2(self.entries)
         waiting = ceil_log2(self.width) + ceil_log2(self.height)
         selecting = max(counter - 10, 0)
-        ff = outputs + counter + waiting + selecting
+        ff = outputs + counter + waiting + selecting + self.registers_words * (self.entry_bits + waiting)
         return Cost(outputs + counter + 4, ff, block_rams(self.entries, self.entry_bits))
 
     def contents(self):
