@@ -115,4 +115,3 @@ class Stages:
                 before = Signal(width * (clocks - 1), name=f"{name}_waiting", reset_less=reset_less)
                 self._m.d.sync += [before.eq(Cat(value, before)), last.eq(before[-width:])]
         return last
-

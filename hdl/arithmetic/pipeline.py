@@ -35,8 +35,8 @@ class Stage:
 class Pipeline:
     """Steps as registered operations; the operand that comes early waits for the other one.
 
-    Each step takes the clocks that `Products.step_clocks` tells. Registers move on with ``enable`` and are not reset, so
-    that those that only wait become shift registers.
+    Each step takes the clocks that `Products.step_clocks` tells. Registers move on with ``enable`` and are not reset,
+    so that those that only wait become shift registers.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ class Products:
 
     def step_cost(self, step, operands, width):
         """Look-up tables, flip-flops and DSP blocks of a step, about; ``operands`` as above, ``width`` of its value."""
-        (a, a_bits), (b, b_bits) = operands[0], operands[-1]
+        (a, _), (b, _) = operands[0], operands[-1]
         widths = {step.operands[-1]: b, step.a: a, step.name: width}
         lut, ff, blocks = step_cost(step, widths, self.dsp)
         if not self.pipeline.products or not isinstance(step, Product | Scaled):
@@ -118,9 +118,10 @@ class Products:
         return lut + more[0], ff + more[1], 0
 
     def scaled_registers(self, a, factor, clocks, sharing=1):
-        """Look-up tables and flip-flops of the registers between the rows of a multiple, where as many as are
+        """Look-up tables and flip-flops of the registers between the rows of a multiple, where as many as
         ``sharing`` have the operand's in common."""
-        return self._row_registers(a // sharing, 0, a, factor.bit_length() / max(len(multiplier.signed_digits(factor)), 1), clocks)
+        rows = max(len(multiplier.signed_digits(factor)), 1)
+        return self._row_registers(a // sharing, 0, a, factor.bit_length() / rows, clocks)
 
     def waiting_cost(self, bits, clocks):
         """Look-up tables and flip-flops of a value of ``bits`` bits that waits for a step.

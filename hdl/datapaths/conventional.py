@@ -113,15 +113,16 @@ class DividedProducts(wiring.Component):
         values = []
         p = self._parameters
         at, _ = p.form_clocks
-        waited = {}
+        waited, stages = {}, Stages(m, self.enable, ends=True)
         for name, terms in p.terms.items():
             made = []
             for axis, size, coefficient, start in terms:
                 extremes = start, start + (size - 1) * coefficient
                 shape = Q.covering(min(extremes), max(extremes), 0).shape
-                key = axis, at - p.term_clocks(size, coefficient, start)
+                clocks = at - p.term_clocks(size, coefficient, start)
+                key = f"{axis}_{clocks}"
                 if key not in waited:
-                    waited[key] = Stages(m, self.enable, ends=True).after(f"{axis}_{key[1]}", getattr(self, axis), key[1])
+                    waited[key] = stages.after(key, getattr(self, axis), clocks)
                 place = m, self.enable, f"{name}_term_{len(made)}"
                 made.append(p.products.scaled(*place, waited[key], coefficient, start, shape))
             value = Signal(p.forms[name].format.shape, name=name, reset_less=True)

@@ -106,7 +106,8 @@ class ConventionalLens(Datapath):
         """(bits with a sign, fraction bits) of each value, as `Products` takes them."""
         operands = {name: (q.width + (not q.is_signed), q.fraction_bits) for name, q in self._frame[1].items()}
         # A divider's output has all bits of the quotient.
-        return operands | {step.name: (step.quotient_bits, step.bits) for step in self.steps if isinstance(step, Quotient)}
+        quotients = (step for step in self.steps if isinstance(step, Quotient))
+        return operands | {step.name: (step.quotient_bits, step.bits) for step in quotients}
 
     @property
     def _delays(self):
