@@ -104,8 +104,8 @@ class Projective(Datapath):
 
     @property
     def division_clocks(self):
-        """Clocks from the linear forms to ``u`` and ``v``: the dividers' and, where products have registers within, that
-        of the registers behind the subtraction of the biases."""
+        """Clocks from the linear forms to ``u`` and ``v``: the dividers' and, where products have registers within, the
+        one of the registers behind the subtraction of the biases."""
         return self.quotient_bits + self.pipeline.products
 
     @property
