@@ -37,3 +37,11 @@ def dsp_blocks(a, b):
     """DSP48E1 that a product of signed factors of ``a`` and ``b`` bits takes: 25 by 18 bits each (AMD UG479)."""
     wide, narrow = max(a, b), min(a, b)
     return -(-wide // 25) * -(-narrow // 18)
+
+
+def waiting(bits, clocks, ends=False):
+    """Look-up tables and flip-flops in which a value waits; from three clocks on registers become shift registers, in
+    look-up tables, without the last one where it has a reset (``ends``, see `Stages`)."""
+    last = bool(ends and clocks > 1)
+    shifts = clocks - last >= 3
+    return bits * shifts, bits * (last if shifts else clocks)

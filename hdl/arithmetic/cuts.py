@@ -58,6 +58,13 @@ class Pipeline:
         """The same with fewer look-up tables, for more block RAMs and flip-flops."""
         return replace(self, interpolator=RADIX4, narrow=True)
 
+    @property
+    def adders(self) -> int | None:
+        """Adders of a product that follow one on the other within a clock; None: all of them."""
+        if not self.products:
+            return None
+        return 1 if self.interpolator == TREE else 2
+
 
 COMPACT = Pipeline("compact", "as few registers as there can be")
 BALANCED = Pipeline(

@@ -2,16 +2,13 @@
 
 from dataclasses import dataclass, field
 
-from amaranth import Cat, Const, Module, Signal, Value
+from amaranth import Cat, Module, Signal, Value
 
-from hdl.arithmetic import multiplier
+from hdl.arithmetic.cuts import Stages
 from hdl.arithmetic.divider import Divider
+from hdl.arithmetic.multiplier import as_signed
+from hdl.arithmetic.products import Products, rounding
 from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum
-
-
-def scaled(m, name, a, factor, constant, dsp):
-    """The expression a*factor + constant of integers: `*` with ``dsp``, else `hdl.arithmetic.multiplier.scaled`."""
-    return a * Const(factor) + constant if dsp else multiplier.scaled(m, name, a, factor, constant)
 
 
 @dataclass(eq=False)
@@ -38,8 +35,8 @@ class Stage:
 class Pipeline:
     """Steps as registered operations; the operand that comes early waits for the other one.
 
-    Each step takes one clock, but a `Quotient` as many as it has bits. Registers move on with ``enable`` and are not
-    reset, so that those that only wait become shift registers.
+    Each step takes the clocks that `Products.step_clocks` tells. Registers move on with ``enable`` and are not reset,
+    so that those that only wait become shift registers.
 
     Parameters
     ----------
@@ -48,12 +45,11 @@ class Pipeline:
     enable : Value
     formats : dict of str to Q
         Formats that hold every value of the step of that name.
-    dsp : bool
-        Whether products are left to the synthesis tool, which has DSP blocks for them; else they are rows of adders.
+    products : Products
     """
 
-    def __init__(self, m: Module, enable, formats, dsp):
-        self._m, self._enable, self._formats, self._dsp = m, enable, formats, dsp
+    def __init__(self, m: Module, enable, formats, products: Products):
+        self._m, self._enable, self._formats, self._products = m, enable, formats, products
         self._stages = {}
 
     def give(self, name, value, fraction_bits, delay):
@@ -65,52 +61,50 @@ class Pipeline:
         a, b = self._stages[step.operands[0]], self._stages[step.operands[-1]]
         delay = max(a.delay, b.delay)
         left, right = self.value(step.operands[0], delay), self.value(step.operands[-1], delay)
+        operands = [(len(as_signed(stage.stored)), stage.fraction_bits) for stage in (a, b)]
+        ready = delay + self._products.step_clocks(step, operands)
+        place = self._m, self._enable, step.name
+        shape = self._formats[step.name].shape
         match step:
             case Product():
-                dropped = a.fraction_bits + b.fraction_bits - step.bits
-                constant = step.constant + (1 << dropped >> 1)
-                if self._dsp:
-                    exact = left * right + constant
-                elif a is b:
-                    exact = multiplier.square(self._m, step.name, left, constant)
-                else:
-                    exact = multiplier.product(self._m, step.name, left, right, constant)
-                self._register(step, exact >> dropped, delay)
+                dropped, constant = rounding(step, a.fraction_bits, b.fraction_bits)
+                result = self._products.product(*place, left, right, constant, shape, dropped)
             case Scaled():
-                dropped = a.fraction_bits + step.factor_bits - step.bits
-                constant = step.constant + (1 << dropped >> 1)
-                exact = scaled(self._m, step.name, left, step.factor, constant, self._dsp)
-                self._register(step, exact >> dropped, delay)
+                dropped, constant = rounding(step, a.fraction_bits, 0)
+                result = self._products.scaled(*place, left, step.factor, constant, shape, dropped)
             case Sum():
                 bits = max(a.fraction_bits, b.fraction_bits, step.bits)
                 exact = (left << (bits - a.fraction_bits)) + (right << (bits - b.fraction_bits))
-                self._register(step, exact >> (bits - step.bits), delay)
+                result = Signal(shape, name=step.name, reset_less=True)
+                with self._m.If(self._enable):
+                    self._m.d.sync += result.eq(exact >> (bits - step.bits))
             case Quotient():
-                self._divide(step, left, right, b.fraction_bits + step.bits - a.fraction_bits, delay)
+                result = self._divide(step, left, right, b.fraction_bits + step.bits - a.fraction_bits)
             case _:
                 raise TypeError(f"{step!r} is no step")
+        self._stages[step.name] = Stage(result, step.bits, ready)
 
     def value(self, name, delay):
         """The stored integer of a value ``delay`` enabled clocks late; waiting registers are shared among its uses."""
         stage = self._stages[name]
         taps = {stage.delay: stage.stored, **stage.later}
-        if delay not in taps:
-            start = max(tap for tap in taps if tap < delay)
+        if delay in taps:
+            return taps[delay]
+        start = max(tap for tap in taps if tap < delay)
+        if self._products.pipeline.products:
+            # Adders follow, which leave no time for a shift register.
+            ending = Stages(self._m, self._enable, ends=True)
+            stage.later[delay] = ending.after(f"{name}_until_{delay}", taps[start], delay - start)
+        else:
             width = len(stage.stored)
             waiting = Signal(width * (delay - start), name=f"{name}_until_{delay}", reset_less=True)
             with self._m.If(self._enable):
                 self._m.d.sync += waiting.eq(Cat(taps[start], waiting))
             last = waiting[-width:]
-            taps[delay] = stage.later[delay] = last.as_signed() if stage.stored.shape().signed else last
-        return taps[delay]
+            stage.later[delay] = last.as_signed() if stage.stored.shape().signed else last
+        return stage.later[delay]
 
-    def _register(self, step, value, delay):
-        result = Signal(self._formats[step.name].shape, name=step.name, reset_less=True)
-        with self._m.If(self._enable):
-            self._m.d.sync += result.eq(value)
-        self._stages[step.name] = Stage(result, step.bits, delay + 1)
-
-    def _divide(self, step, dividend, divisor, shift, delay):
+    def _divide(self, step, dividend, divisor, shift):
         block = Divider([(len(dividend), shift)], divisor_bits=len(divisor), quotient_bits=step.quotient_bits)
         self._m.submodules[f"{step.name}_divider"] = block
         self._m.d.comb += [
@@ -119,5 +113,4 @@ class Pipeline:
             block.divisor.eq(divisor),
         ]
         # Taking off half the range turns the highest bit round; then it is the sign.
-        difference = Cat(block.quotient_0[:-1], ~block.quotient_0[-1]).as_signed()
-        self._stages[step.name] = Stage(difference, step.bits, delay + block.latency)
+        return Cat(block.quotient_0[:-1], ~block.quotient_0[-1]).as_signed()

@@ -171,12 +171,16 @@ def spans_in_range(steps, spans):
     return True
 
 
-def delays(steps, given):
-    """Clocks from a position to each value, from those to the ``given`` ones; a `Quotient` takes one for each bit."""
+def step_clocks(step):
+    """Clocks of a step whose products have no registers within: one for each bit of a `Quotient`, else one."""
+    return step.quotient_bits if isinstance(step, Quotient) else 1
+
+
+def delays(steps, given, clocks_of=step_clocks):
+    """Clocks from a position to each value, from those to the ``given`` ones and of each step."""
     clocks = dict(given)
     for step in steps:
-        start = max(clocks[operand] for operand in step.operands)
-        clocks[step.name] = start + (step.quotient_bits if isinstance(step, Quotient) else 1)
+        clocks[step.name] = max(clocks[operand] for operand in step.operands) + clocks_of(step)
     return clocks
 
 

@@ -11,7 +11,7 @@ from hdl.datapaths.projective import Projective, connect_divider
 class Accumulate(Projective):
     """u = x/z and v = y/z with x, y and z accumulated over the raster.
 
-    As exact as `conventional`, without its multipliers. Latency: the dividers' quotient bits; 1 px/clock.
+    As exact as `conventional`, without its multipliers. Latency: that of the division, `division_clocks`; 1 px/clock.
 
     608 LUT and 740 FF (README, the ladder: coordinates of the embedded rig, 640x480, 0.05 px).
 
@@ -28,7 +28,7 @@ class Accumulate(Projective):
 
     @property
     def latency(self):
-        return self.quotient_bits
+        return self.division_clocks
 
     def component(self):
         return DividedAccumulators(self)

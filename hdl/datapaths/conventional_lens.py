@@ -11,7 +11,8 @@ from hdl.arithmetic.bands import bands
 from hdl.arithmetic.cost import Cost
 from hdl.arithmetic.fixedpoint import Q
 from hdl.arithmetic.pipeline import Pipeline
-from hdl.arithmetic.steps import delays, evaluate, step_cost, waits
+from hdl.arithmetic.products import Products
+from hdl.arithmetic.steps import Quotient, delays, evaluate, step_cost, waits
 from hdl.datapaths.base import Datapath
 from hdl.datapaths.conventional_lens_check import ideal
 from hdl.datapaths.conventional_lens_fit import LensFit
@@ -37,7 +38,8 @@ class ConventionalLens(Datapath):
     off by more than the budget at a pixel whose source is inside the image. Where the source is outside the error may
     be larger, but no value overflows: formats cover the whole frame.
 
-    Latency: the pinhole's, and a clock for each step on the longest way from there.
+    Latency: the pinhole's, and the clocks of the steps on the longest way from there: one for each, or more where
+    products have registers within.
 
     1602 LUT and 1099 FF made of adders (README, the ladder: coordinates of the embedded rig, 640x480, 0.05 px).
 
@@ -100,24 +102,48 @@ class ConventionalLens(Datapath):
         return max(self._delays["u"], self._delays["v"])
 
     @property
+    def _operands(self):
+        """(bits with a sign, fraction bits) of each value, as `Products` takes them."""
+        operands = {name: (q.width + (not q.is_signed), q.fraction_bits) for name, q in self._frame[1].items()}
+        # A divider's output has all bits of the quotient.
+        quotients = (step for step in self.steps if isinstance(step, Quotient))
+        return operands | {step.name: (step.quotient_bits, step.bits) for step in quotients}
+
+    @property
     def _delays(self):
-        return delays(self.steps, dict.fromkeys("xy", self.pinhole.latency))
+        operands = self._operands
+
+        def clocks(step):
+            return self.products.step_clocks(step, [operands[name] for name in step.operands])
+
+        return delays(self.steps, dict.fromkeys("xy", self.hardware_pinhole.latency), clocks)
 
     @property
     def cost(self):
         widths = {name: q.width for name, q in self._frame[1].items()}
         pinhole = self.hardware_pinhole.cost
-        added = [step_cost(step, widths, self.dsp) for step in self.steps]
-        # From three clocks on, registers become shift registers, in look-up tables.
+        if self.pipeline.products:
+            operands = self._operands
+            added = [
+                self.products.step_cost(step, [operands[name] for name in step.operands], widths[step.name])
+                for step in self.steps
+            ]
+        else:
+            added = [step_cost(step, widths, self.dsp) for step in self.steps]
         for name, clocks in waits(self.steps, self._delays):
-            added.append((widths[name], 0, 0) if clocks >= 3 else (0, widths[name] * clocks, 0))
+            added.append((*self.products.waiting_cost(widths[name], clocks), 0))
         lut, ff, dsp = (sum(column) for column in zip(*added))
         return Cost(lut=pinhole.lut + lut, ff=pinhole.ff + ff, dsp=pinhole.dsp + dsp)
 
     @property
     def hardware_pinhole(self):
         """``pinhole`` with its products made likewise."""
-        return self.pinhole.with_dsp(self.dsp)
+        return self.pinhole.with_dsp(self.dsp).with_pipeline(self.pipeline)
+
+    @property
+    def products(self):
+        """`Products` of the lens."""
+        return Products(self.dsp, self.pipeline)
 
     def component(self):
         return LensProducts(self)
@@ -135,9 +161,9 @@ class LensProducts(wiring.Component):
         p = self._parameters
         m.submodules.pinhole = pinhole = p.hardware_pinhole.component()
         m.d.comb += [pinhole.enable.eq(self.enable), pinhole.x.eq(self.x), pinhole.y.eq(self.y)]
-        pipeline = Pipeline(m, self.enable, p.formats, p.dsp)
+        pipeline = Pipeline(m, self.enable, p.formats, p.products)
         for name, value, q in zip("xy", (pinhole.u, pinhole.v), p.pinhole.coordinate_formats):
-            pipeline.give(name, value, q.fraction_bits, p.pinhole.latency)
+            pipeline.give(name, value, q.fraction_bits, p.hardware_pinhole.latency)
         for step in p.steps:
             pipeline.add(step)
         m.d.comb += [self.u.eq(pipeline.value("u", p.latency)), self.v.eq(pipeline.value("v", p.latency))]

@@ -5,6 +5,7 @@ from functools import cached_property, lru_cache
 from math import ceil
 
 import numpy as np
+from amaranth import Signal
 
 from hdl.arithmetic.bands import spread
 from hdl.arithmetic.cost import Cost
@@ -102,10 +103,17 @@ class Projective(Datapath):
         return max(limits).bit_length()
 
     @property
+    def division_clocks(self):
+        """Clocks from the linear forms to ``u`` and ``v``: the dividers' and, where products have registers within, the
+        one of the registers behind the subtraction of the biases."""
+        return self.quotient_bits + self.pipeline.products
+
+    @property
     def divider_cost(self):
-        """`Cost` of the dividers."""
+        """`Cost` of the dividers and of the registers behind them."""
         stages, width = self.quotient_bits, self.formats["divisor"].width
-        return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width)
+        coordinates = sum(q.width for q in self.coordinate_formats) * self.pipeline.products
+        return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width + coordinates)
 
     @property
     def form_bits(self):
@@ -246,7 +254,12 @@ def connect_divider(m, datapath, parameters, x, y, z):
     for ratio, value, dividend, quotient, out in zip(
         ratios, (x, y), (divider.dividend_0, divider.dividend_1), quotients, (datapath.u, datapath.v)
     ):
-        m.d.comb += [
-            dividend.eq(value >> (ratio.form.fraction_bits - ratio.kept_bits)),
-            out.eq(quotient - (ratio.bias << parameters.fraction_bits)),
-        ]
+        m.d.comb += dividend.eq(value >> (ratio.form.fraction_bits - ratio.kept_bits))
+        difference = quotient - (ratio.bias << parameters.fraction_bits)
+        if parameters.pipeline.products:
+            # With a reset: without one, bits of which nothing is subtracted come out of the divider's shift registers.
+            coordinate = Signal.like(out, name=f"{out.name}_coordinate")
+            with m.If(datapath.enable):
+                m.d.sync += coordinate.eq(difference)
+            difference = coordinate
+        m.d.comb += out.eq(difference)

@@ -10,6 +10,7 @@ from amaranth.lib.memory import Memory
 from amaranth.utils import ceil_log2
 
 from hdl.arithmetic.cost import Cost, block_rams
+from hdl.arithmetic.cuts import Stages
 from hdl.arithmetic.fixedpoint import Q
 from hdl.datapaths.base import Datapath, check_budget
 from hdl.errors import InputError
@@ -28,7 +29,8 @@ class Table(Datapath):
     6.5 Mbit for the embedded rig at 640x480 without the lens. That is with each coordinate stored as its distance from
     the output pixel where this takes fewer bits. Frames of more than `MOST_ENTRIES` pixels are refused.
 
-    Latency: 2, the memory and the register behind it; 1 px/clock.
+    Latency: 2, the memory and the register behind it, and 1 more where the pipeline has a register behind ``taps`` and
+    something is added to what is stored; 1 px/clock.
 
     Parameters
     ----------
@@ -108,8 +110,13 @@ class Table(Datapath):
         return {name: self._format(values) for name, values in self.stored.values()}
 
     @property
+    def registers_words(self):
+        """Whether there is a register between the memory's block RAMs and an adder."""
+        return self.pipeline.taps and any(name != axis for axis, (name, _) in self.stored.items())
+
+    @property
     def latency(self):
-        return 2
+        return 2 + self.registers_words
 
     @property
     def cost(self):
@@ -118,7 +125,7 @@ class Table(Datapath):
         counter = ceil_log2(self.entries)
         waiting = ceil_log2(self.width) + ceil_log2(self.height)
         selecting = max(counter - 10, 0)
-        ff = outputs + counter + waiting + selecting
+        ff = outputs + counter + waiting + selecting + self.registers_words * (self.entry_bits + waiting)
         return Cost(outputs + counter + 4, ff, block_rams(self.entries, self.entry_bits))
 
     def contents(self):
@@ -132,7 +139,7 @@ class Table(Datapath):
 
 class StoredCoordinates(wiring.Component):
     """The hardware of `Table`: an address that counts, the memory, and the pixel's own position added where it is left
-    out there. Latency 2, 1 px/clock. Members: `DatapathSignature`.
+    out there. 1 px/clock. Members: `DatapathSignature`.
     """
 
     def __init__(self, parameters):
@@ -156,13 +163,12 @@ class StoredCoordinates(wiring.Component):
             m.d.sync += address.eq(address + 1)
             with m.If(self.end_of_frame):
                 m.d.sync += address.eq(0)
+        stages = Stages(m, self.enable)
+        words = p.latency - 2
         for (axis, (name, _)), position, out in zip(p.stored.items(), (self.x, self.y), (self.u, self.v)):
-            value = read.data[axis]
+            value = stages.after(f"{axis}_word", read.data[axis], words)
             if name != axis:
-                place = Signal.like(position, name=f"{axis}_place", reset_less=True)
-                with m.If(self.enable):
-                    m.d.sync += place.eq(position)
-                value = value + (place << p.fraction_bits)
+                value = value + (stages.after(f"{axis}_place", position, 1 + words) << p.fraction_bits)
             coordinate = Signal.like(out, name=f"{axis}_coordinate", reset_less=True)
             with m.If(self.enable):
                 m.d.sync += coordinate.eq(value)

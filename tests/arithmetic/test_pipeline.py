@@ -6,8 +6,10 @@ from amaranth import Module, Signal, signed
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
+from hdl.arithmetic.cuts import COMPACT, PIPELINES
 from hdl.arithmetic.fixedpoint import Q
 from hdl.arithmetic.pipeline import Pipeline
+from hdl.arithmetic.products import Products
 from hdl.arithmetic.steps import Product, Quotient, Scaled, Sum, delays, evaluate, in_range
 from sim.drivers import feed, observe, pauses, simulate
 
@@ -37,13 +39,22 @@ def operands(count, seed):
     }
 
 
+def scheduled(steps, formats, products):
+    """`delays` with the clocks that the products take; what is given has all of its bits."""
+    operands = {name: (q.width + (not q.is_signed), q.fraction_bits) for name, q in formats.items()}
+    operands |= {name: (bits, fraction) for name, (bits, fraction, _) in GIVEN.items()}
+    operands |= {step.name: (step.quotient_bits, step.bits) for step in steps if isinstance(step, Quotient)}
+    given = {name: delay for name, (_, _, delay) in GIVEN.items()}
+    return delays(steps, given, lambda step: products.step_clocks(step, [operands[name] for name in step.operands]))
+
+
 class Block(wiring.Component):
     """A program whose given values come from the same clock, delayed here as `GIVEN` says."""
 
-    def __init__(self, steps, values, dsp):
-        self._steps, self._dsp = steps, dsp
+    def __init__(self, steps, values, products):
+        self._steps, self._products = steps, products
         self._formats = {name: Q.covering(min(0, v.min()), max(0, v.max()), bits) for name, (v, bits) in values.items()}
-        self.latency = delays(steps, {name: delay for name, (_, _, delay) in GIVEN.items()})["result"]
+        self.latency = scheduled(steps, self._formats, products)["result"]
         super().__init__(
             {
                 "enable": In(1),
@@ -54,7 +65,7 @@ class Block(wiring.Component):
 
     def elaborate(self, platform):
         m = Module()
-        pipeline = Pipeline(m, self.enable, self._formats, self._dsp)
+        pipeline = Pipeline(m, self.enable, self._formats, self._products)
         for name, (_, fraction_bits, delay) in GIVEN.items():
             value = getattr(self, name)
             for _ in range(delay):
@@ -71,12 +82,13 @@ class Block(wiring.Component):
 
 @pytest.mark.parametrize("steps", [POLYNOMIAL, RATIO], ids=["polynomial", "ratio"])
 @pytest.mark.parametrize("dsp", [True, False])
+@pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
 @pytest.mark.parametrize("share", [0.0, 0.4], ids=["every clock", "with gaps"])
-def test_hardware_computes_the_integer_model(steps, dsp, share):
+def test_hardware_computes_the_integer_model(steps, dsp, pipeline, share):
     given = operands(200, seed=3)
     values = evaluate(steps, given)
     assert in_range(steps, values)
-    block = Block(steps, values, dsp)
+    block = Block(steps, values, Products(dsp, pipeline))
     stimuli = [(int(x), int(y)) for x, y in zip(given["x"][0], given["y"][0])]
     _, results = simulate(
         block,
@@ -92,6 +104,23 @@ def test_delays_count_the_longest_way():
     assert clocks == {"x": 2, "y": 0, "square": 3, "product": 4, "scaled": 5, "sum": 6, "result": 7}
     # A bit each of the quotient, 1 before the point and 9 after it.
     assert delays(RATIO, {"x": 2, "y": 0})["ratio"] == 3 + 10
+
+
+@pytest.mark.parametrize("dsp", [True, False])
+def test_only_products_take_more_clocks_with_registers_within(dsp):
+    values = evaluate(RATIO, operands(200, seed=3))
+    formats = {name: Q.covering(min(0, v.min()), max(0, v.max()), bits) for name, (v, bits) in values.items()}
+    given = {"x": 2, "y": 0}
+    compact = scheduled(RATIO, formats, Products(dsp, COMPACT))
+    assert compact == delays(RATIO, given)
+    for pipeline in PIPELINES.values():
+        clocks = scheduled(RATIO, formats, Products(dsp, pipeline))
+        for step in RATIO:
+            took = clocks[step.name] - max(clocks[operand] for operand in step.operands)
+            if pipeline.products and isinstance(step, Product | Scaled) and (dsp or step.name == "wide"):
+                assert took > 1
+            elif isinstance(step, Sum | Quotient):
+                assert took == compact[step.name] - max(compact[operand] for operand in step.operands)
 
 
 def real(values, name):

@@ -11,6 +11,7 @@ import rigs
 from datapath_runs import assert_same, run
 
 from hdl import calibration
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.arithmetic.steps import Product, Quotient, Scaled, evaluate, in_range
 from hdl.calibration import Camera, Rig
 from hdl.datapaths import DATAPATHS
@@ -102,6 +103,16 @@ def test_hardware_computes_the_integer_model(name):
 def test_hardware_of_adders_computes_the_integer_model(name):
     _, datapath = fit(name, "right", 22, 17, max_error=0.1)
     assert_same(run(replace(datapath, dsp=False), 1, pauses(0.2, seed=1), pauses(0.2, seed=2)), datapath)
+
+
+@pytest.mark.parametrize("name", ["skewed", "rational"])
+@pytest.mark.parametrize("pipeline", [pipeline for pipeline in PIPELINES if pipeline != "compact"])
+@pytest.mark.parametrize("dsp", [True, False])
+def test_hardware_computes_the_integer_model_in_every_pipeline(name, pipeline, dsp):
+    _, compact = fit(name, "right", 22, 17, max_error=0.1)
+    datapath = replace(compact, dsp=dsp).with_pipeline(PIPELINES[pipeline])
+    assert datapath.latency > compact.latency
+    assert_same(run(datapath, 2, pauses(0.2, seed=1, burst=2), pauses(0.2, seed=2)), datapath)
 
 
 @pytest.mark.parametrize("dsp, max_error", [(False, 0.05)])

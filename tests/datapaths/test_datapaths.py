@@ -4,6 +4,7 @@ import rigs
 from amaranth.lib import wiring
 from datapath_runs import assert_same, run
 
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import Datapath, default_budget
 from sim import reference
@@ -41,6 +42,18 @@ def fitted(name, view, fraction_bits):
 def test_hardware_computes_the_integer_model(name, rig, side, width, height, fraction_bits):
     datapath = fitted(name, rigs.view(rig, side, width, height), fraction_bits)
     assert_same(run(datapath, 2, pauses(0.2, seed=width, burst=2), pauses(0.2, seed=height)), datapath)
+
+
+@pytest.mark.parametrize("name, dsp", [*((name, True) for name in DATAPATHS), ("conventional", False)])
+@pytest.mark.parametrize("pipeline", [pipeline for pipeline in PIPELINES if pipeline != "compact"])
+def test_hardware_computes_the_integer_model_in_every_pipeline(name, dsp, pipeline):
+    compact = fitted(name, rigs.view("toed_in", "right", 20, 15), 5).with_dsp(dsp)
+    datapath = compact.with_pipeline(PIPELINES[pipeline])
+    assert_same(run(datapath, 2, pauses(0.2, seed=3, burst=2), pauses(0.2, seed=4)), datapath)
+    np.testing.assert_array_equal(datapath.coordinates.u, compact.coordinates.u)
+    np.testing.assert_array_equal(datapath.coordinates.v, compact.coordinates.v)
+    # Registers cost flip-flops.
+    assert (datapath.latency > compact.latency) == (datapath.cost.ff > compact.cost.ff)
 
 
 @pytest.mark.parametrize("name", DATAPATHS)

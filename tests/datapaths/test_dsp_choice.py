@@ -9,11 +9,13 @@ from click.testing import CliRunner
 
 from hdl import calibration
 from hdl.arithmetic.cost import dsp_blocks
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.selection import choose, fit
 from hdl.generate import generate
 from hdl.geometry.rectification import rectify
+from hdl.tools.verilog import convert
 
 LENS_OR_NOT = pytest.mark.parametrize("lens", [True, False])
 
@@ -30,6 +32,15 @@ def test_the_verilog_multiplies_only_if_the_tool_may(dsp, lens):
     # The bilinear interpolation has no multiplication to leave.
     assert core(dsp, lens).plan.dsp == dsp
     assert bool(re.search(r" \* ", core(dsp, lens).verilog)) == dsp
+
+
+@LENS_OR_NOT
+@pytest.mark.parametrize("dsp", [True, False])
+@pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
+def test_registers_within_products_change_nothing_about_that(dsp, lens, pipeline):
+    datapath = core(dsp, lens).parameters.datapath.with_pipeline(pipeline)
+    assert bool(re.search(r" \* ", convert(datapath.component(), "datapath"))) == dsp
+    assert bool(datapath.cost.dsp) == dsp
 
 
 @LENS_OR_NOT

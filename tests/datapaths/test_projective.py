@@ -3,13 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rigs
+from datapath_runs import assert_same, run
 
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.arithmetic.linear import LinearForm
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import default_budget
 from hdl.datapaths.projective import MOST_FRACTION_BITS, Projective, Ratio
 from hdl.errors import InputError
 from sim import reference
+from sim.drivers import pauses
 
 NAMES = [name for name, datapath in DATAPATHS.items() if issubclass(datapath, Projective)]
 
@@ -64,6 +67,21 @@ def built(datapath, view, bits):
         stored, kept = bits[f"form_{axis}"], bits[f"kept_{axis}"]
         ratios[f"{axis}_ratio"] = Ratio(form(numerator, stored, kept), kept, ratio.bias)
     return replace(datapath, **ratios, z_form=form(row["z"], bits["z"], bits["divisor"]), divisor_bits=bits["divisor"])
+
+
+def test_factors_that_are_too_wide_for_a_dsp_block_are_cut():
+    view = rigs.view("toed_in", "left", 20, 15)
+    fitted = DATAPATHS["conventional"].fit(view, 5)
+    bits = {"divisor": fitted.divisor_bits, "z": fitted.z_form.fraction_bits, "form_u": 26, "form_v": 26}
+    kept = {"kept_u": fitted.u_ratio.kept_bits, "kept_v": fitted.v_ratio.kept_bits}
+    compact = built(fitted, view, {**bits, **kept})
+    assert max(abs(form.a) for form in compact.forms.values()) >= 1 << 25
+    # A block more, a register within each, and one at the end.
+    assert compact.with_pipeline(PIPELINES["balanced"]).latency == compact.latency + 3
+    for pipeline in PIPELINES.values():
+        datapath = compact.with_pipeline(pipeline)
+        assert (datapath.cost.dsp > 6) == pipeline.products
+        assert_same(run(datapath, 1, pauses(0.2, seed=1), pauses(0.2, seed=2)), datapath)
 
 
 @pytest.mark.parametrize("name", NAMES)

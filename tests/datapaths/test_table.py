@@ -5,9 +5,11 @@ import re
 import numpy as np
 import pytest
 import rigs
+from datapath_runs import assert_same, run
 
 from hdl import calibration
 from hdl.arithmetic.cost import block_rams
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.core.build import Options, build
 from hdl.datapaths.selection import choose
 from hdl.datapaths.table import MOST_ENTRIES, Table
@@ -18,6 +20,7 @@ from hdl.stream.rectifier import Rectifier, RectifierParameters
 from hdl.tools.verilog import convert
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
+from sim.drivers import pauses
 from sim.remap import remap
 
 
@@ -73,6 +76,15 @@ def test_hardware_computes_the_coordinates_however_they_are_stored(stored):
     beats = core.run(to_beats(frames), idle=0.2, backpressure=0.3, seed=4).beats
     for frame, out in zip(frames, to_frames(beats, 40, 36), strict=True):
         np.testing.assert_array_equal(out, remap(frame, table.coordinates.u, table.coordinates.v, 5, "constant", 0))
+
+
+@pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
+@pytest.mark.parametrize("rig", ["samples", "toed_in"])
+def test_a_register_is_only_where_something_is_added_to_what_is_stored(rig, pipeline):
+    table = Table.fit(rigs.view(rig, "left", 24, 18), 5).with_pipeline(pipeline)
+    adds = not {"u", "v"} >= table.formats.keys()
+    assert table.latency == 2 + (adds and pipeline.taps)
+    assert_same(run(table, 2, pauses(0.2, seed=1), pauses(0.2, seed=2)), table)
 
 
 def test_memory_is_stated():
