@@ -102,10 +102,13 @@ class Stages:
     m : Module
         Takes them.
     enable : Value
+    ends : bool
+        The last of several registers in which a value waits has a reset, so that it is a flip-flop of its own and not
+        the end of a shift register, which is slower.
     """
 
-    def __init__(self, m: Module, enable: ValueLike) -> None:
-        self._m, self.enable = m, enable
+    def __init__(self, m: Module, enable: ValueLike, ends: bool = False) -> None:
+        self._m, self.enable, self._ends = m, enable, ends
 
     def after(self, name: str, value: ValueLike, clocks: int = 1, reset_less: bool = True) -> Any:
         """``value``, ``clocks`` enabled clocks late, in registers called ``name``; itself for 0 clocks.
@@ -115,6 +118,12 @@ class Stages:
         value = Value.cast(value)
         if not clocks:
             return value
+        if self._ends and clocks > 1:
+            value = self._registers(f"{name}_waiting", value, clocks - 1, reset_less)
+            clocks, reset_less = 1, False
+        return self._registers(name, value, clocks, reset_less)
+
+    def _registers(self, name, value, clocks, reset_less):
         registers = Signal(len(value) * clocks, name=name, reset_less=reset_less)
         with self._m.If(self.enable):
             self._m.d.sync += registers.eq(Cat(value, registers))
