@@ -1,15 +1,19 @@
 """Whole frames through the exported Verilog, bit for bit."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from hdl import calibration
+from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST
 from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.geometry.coordinates import Border
 from hdl.geometry.rectification import RectificationOptions, rectify
+from hdl.stream.rectifier import Rectifier
+from hdl.tools import verilog
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
 from sim.remap import cv2_remap, remap
@@ -29,8 +33,18 @@ def view(side="left", size=VGA, alpha=0.0, lens=False):
 
 
 @cache
-def core(options=Options("proposed"), side="left", size=VGA, alpha=0.0, lens=False):
-    return build(view(side, size, alpha, lens), options, "rectify")
+def core(options=Options("proposed"), side="left", size=VGA, alpha=0.0, lens=False, pipeline=None):
+    """A core, in the pipeline that is built unless told otherwise or in another."""
+    if pipeline is None:
+        return build(view(side, size, alpha, lens), options, "rectify")
+    built = core(options, side, size, alpha, lens)
+    parameters = replace(built.parameters, datapath=built.parameters.datapath.with_pipeline(pipeline))
+    return replace(
+        built,
+        parameters=parameters,
+        verilog=verilog.convert(Rectifier(parameters), "rectify"),
+        plan=built.plan.model_copy(update={"latency_cycles": parameters.latency_cycles}),
+    )
 
 
 def frames_for(core, count, seed=0):
