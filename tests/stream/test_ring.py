@@ -49,11 +49,13 @@ def addresses(ring, rows, pitch, height, lowest, stands):
     return said, wanted
 
 
-@pytest.mark.parametrize("registered, table", [(False, 64), (True, 64), (True, 2)], ids=["slot", "table", "sums"])
+@pytest.mark.parametrize("registered, more", [(False, 0), (True, 0), (True, -1)], ids=["slot", "table", "sums"])
 @pytest.mark.parametrize(
     "rows, height, lowest, pitch", [(4, 7, -2, 5), (6, 11, -1, 3), (10, 8, 2, 1), (8, 9, -9, 6), (6, 6, 0, 7)]
 )
-def test_every_row_of_the_window_is_found(rows, height, lowest, pitch, registered, table):
+def test_every_row_of_the_window_is_found(rows, height, lowest, pitch, registered, more):
+    # The table is for so many rows.
+    table = rows + more
     with mock.patch("hdl.stream.ring._TABLE_ROWS", table):
         ring = Ring(rows, pitch, height, lowest, registered)
         assert ring.latency == (2 if registered and rows > table else 1)
