@@ -10,6 +10,7 @@ from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 
+from hdl.arithmetic.cuts import BALANCED
 from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import Datapath
 from hdl.geometry.coordinates import Coordinates
@@ -21,8 +22,9 @@ from sim.remap import remap
 WIDTH, HEIGHT = 24, 18
 
 
-def parameters(name="proposed", view=None, fraction_bits=5, **formats):
-    return RectifierParameters(DATAPATHS[name].fit(view or rigs.view("samples"), fraction_bits), **formats)
+def parameters(name="proposed", view=None, fraction_bits=5, pipeline=BALANCED, **formats):
+    datapath = DATAPATHS[name].fit(view or rigs.view("samples"), fraction_bits)
+    return RectifierParameters(datapath.with_pipeline(pipeline), **formats)
 
 
 def random_frames(p, count, seed=0):
@@ -131,7 +133,7 @@ class Rom(wiring.Component):
         return m
 
 
-def random_map(width, height, d_lo, d_hi, latency):
+def random_map(width, height, d_lo, d_hi, latency, pipeline, fraction_bits=5):
     """A `Table` with the window d_lo, d_hi, mostly at its ends, and in every column.
 
     There are the row that is overwritten next and the one that came in last. The last positions of each row, which are
@@ -139,7 +141,8 @@ def random_map(width, height, d_lo, d_hi, latency):
     """
     generator = np.random.default_rng(latency - d_lo + 10)
     tops = generator.choice([d_lo, d_lo, d_hi - 1, d_hi - 1, *range(d_lo, d_hi)], (height, width))
-    v = (np.arange(height)[:, None] + tops) * 32 + generator.integers(0, 32, tops.shape)
-    u = generator.integers(-40, (width + 1) * 32, tops.shape)
-    u[:, -4:] = generator.integers(0, 32, (height, 4))
-    return Table(width, height, 5, u.astype(np.int32), v.astype(np.int32), latency)
+    one = 2**fraction_bits
+    v = (np.arange(height)[:, None] + tops) * one + generator.integers(0, one, tops.shape)
+    u = generator.integers(-one, (width + 1) * one, tops.shape)
+    u[:, -4:] = generator.integers(0, one, (height, 4))
+    return Table(width, height, fraction_bits, u.astype(np.int32), v.astype(np.int32), latency, pipeline=pipeline)

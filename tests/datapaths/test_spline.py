@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from datapath_runs import assert_same, run
 
 from hdl import calibration
+from hdl.arithmetic.cuts import BALANCED, PIPELINES
 from hdl.datapaths.base import fitted_budget
 from hdl.datapaths.spline import Spline, Surface
 from hdl.datapaths.spline_fit import LEAST_CELL, Cells, Fit
@@ -13,6 +15,7 @@ from hdl.stream.rectifier import Rectifier, RectifierParameters
 from hdl.tools.verilog import convert
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
+from sim.drivers import never, pauses
 from sim.remap import cv2_remap
 
 
@@ -115,10 +118,40 @@ def test_words_cover_every_row_and_fit_their_formats():
             assert low <= words.min() and words.max() <= high
 
 
-@pytest.mark.parametrize("size", [(64, 48), (97, 50), (130, 61), (67, 40)])
-def test_the_core_is_right_for_any_width_and_after_a_reset(size):
+def random_spline(width, pipeline):
+    """Of small cells, with nodes from everywhere."""
+    cells = Cells(width, 19, 8, 8, 2)
+    nodes = np.random.default_rng(width).integers(0, 40 << 6, (2, cells.columns + 1, cells.rows + 2))
+    u, v = (Surface(cells, 6, 7, 5, axis) for axis in nodes)
+    return Spline(width, 19, 5, u, v, pipeline=pipeline)
+
+
+pipelines = pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
+
+
+@pipelines
+@pytest.mark.parametrize("width, offset", [(24, 0), (31, 1), (22, 2), (17, -1), (37, -5)])
+def test_hardware_computes_the_integer_model_under_pauses(width, offset, pipeline):
+    spline = random_spline(width, pipeline)
+    assert spline.u_surface.cells.offset == offset
+    assert_same(run(spline, 2, pauses(0.3, seed=1, burst=3), pauses(0.4, seed=2, burst=4)), spline)
+
+
+@pipelines
+def test_hardware_takes_a_position_in_every_clock(pipeline):
+    spline = random_spline(19, pipeline)
+    assert spline.u_surface.cells.offset < 0
+    assert_same(run(spline, 3, never(), never()), spline)
+
+
+@pytest.mark.parametrize(
+    "size, pipeline",
+    list(zip([(64, 48), (97, 50), (130, 61), (67, 40)], [*PIPELINES.values(), BALANCED])),
+    ids=lambda value: getattr(value, "name", str(value)),
+)
+def test_the_core_is_right_for_any_width_and_after_a_reset(size, pipeline):
     exact = view(size, lens=False)
-    spline = Spline.fit(exact, 5, 0.2)
+    spline = Spline.fit(exact, 5, 0.2).with_pipeline(pipeline)
     core = compile_core(convert(Rectifier(RectifierParameters(spline)), "t"), "t")
     frames = np.random.default_rng(1).integers(0, 256, (3, size[1], size[0]), np.uint8)
     expected = [cv2_remap(frame, spline.coordinates.u, spline.coordinates.v) for frame in frames]

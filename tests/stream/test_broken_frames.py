@@ -5,12 +5,14 @@ import pytest
 import rigs
 from cores import HEIGHT, WIDTH, frames_of, parameters, random_frames, random_map, rectified, run, stream_of
 
+from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST, PIPELINES
 from hdl.stream.rectifier import RectifierParameters
 from sim.drivers import never, pauses
 
 # From the lines of a whole frame, each a list of beats, those of a broken one.
 BROKEN = {
     "a line too short": lambda lines: lines[:5] + [lines[5][:3] + lines[5][-1:]] + lines[6:],
+    "lines of one pixel": lambda lines: [[(*line[0][:2], 1)] for line in lines],
     "every line too short": lambda lines: [line[:-5] + line[-1:] for line in lines],
     "a line too long": lambda lines: lines[:5] + [lines[5][:9] * 4 + lines[5][-1:]] + lines[6:],
     "an end of line missing": lambda lines: lines[:5] + [lines[5][:-1]] + lines[6:],
@@ -25,15 +27,18 @@ BROKEN = {
 
 
 @pytest.mark.parametrize(
-    "name, defect",
+    "name, defect, pipeline",
     [
-        *(("proposed", defect) for defect in BROKEN),
-        ("conventional", "too few lines"),
-        ("accumulate", "a line too long"),
+        *(("proposed", defect, BALANCED) for defect in BROKEN),
+        ("conventional", "too few lines", FAST),
+        ("spline", "lines of one pixel", FAST),
+        ("accumulate", "a line too long", COMPACT),
+        ("spline", "too few lines", COMPACT),
     ],
+    ids=lambda value: getattr(value, "name", value),
 )
-def test_frames_after_a_broken_one_are_exact(name, defect):
-    p = parameters(name, rigs.view("rolled", "left", WIDTH, HEIGHT))
+def test_frames_after_a_broken_one_are_exact(name, defect, pipeline):
+    p = parameters(name, rigs.view("rolled", "left", WIDTH, HEIGHT), pipeline=pipeline)
     frames = random_frames(p, 4)
     streams = [stream_of(p, [frame]) for frame in frames]
     lines = [streams[1][y * WIDTH : (y + 1) * WIDTH] for y in range(HEIGHT)]
@@ -48,9 +53,10 @@ def test_frames_after_a_broken_one_are_exact(name, defect):
         np.testing.assert_array_equal(out[position], rectified(p, frames[index]))
 
 
-def test_lines_too_long_spoil_no_row_that_is_still_needed():
+@pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
+def test_lines_too_long_spoil_no_row_that_is_still_needed(pipeline):
     # Rows follow each other in the memories without a gap, and no row is kept that the map does not need.
-    p = RectifierParameters(random_map(16, 12, -2, 3, 10))
+    p = RectifierParameters(random_map(16, 12, -2, 3, 8 - 5 * pipeline.ahead, pipeline))
     buffer = p.line_buffer
     assert (buffer.pitch * buffer.granule, buffer.rows) == (8, 5 + 3)
     frames = random_frames(p, 4)

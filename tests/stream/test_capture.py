@@ -32,9 +32,9 @@ def contract(beats, width, height):
     return events
 
 
-def capture(beats, width, height, idle, may_write_pauses):
+def capture(beats, width, height, ahead, idle, may_write_pauses):
     """The events of the block, as `contract` has them."""
-    block = Capture(width, height)
+    block = Capture(width, height, ahead)
     stream = Stream(block.valid, block.ready, (block.sof, block.eol))
     expected = len(contract(beats, width, height))
 
@@ -87,10 +87,14 @@ BROKEN = {
 }
 
 
+ahead = pytest.mark.parametrize("ahead", [False, True], ids=["at once", "ahead"])
+
+
+@ahead
 @pytest.mark.parametrize("share", [0.0, 0.5], ids=["no waiting", "waiting"])
-def test_good_frames_are_numbered_through(share):
+def test_good_frames_are_numbered_through(share, ahead):
     beats = GOOD * 3
-    events = capture(beats, W, H, pauses(share, 1), pauses(share, 2))
+    events = capture(beats, W, H, ahead, pauses(share, 1), pauses(share, 2))
     expected, index = [], 0
     for _ in range(3):
         for y in range(H):
@@ -101,11 +105,12 @@ def test_good_frames_are_numbered_through(share):
     assert events == expected
 
 
+@ahead
 @pytest.mark.parametrize("share", [0.0, 0.4], ids=["no waiting", "waiting"])
 @pytest.mark.parametrize("name", BROKEN)
-def test_next_frame_is_in_step_after(name, share):
+def test_next_frame_is_in_step_after(name, share, ahead):
     beats = GOOD + BROKEN[name] + GOOD + GOOD
-    events = capture(beats, W, H, pauses(share, 3), pauses(share, 4))
+    events = capture(beats, W, H, ahead, pauses(share, 3), pauses(share, 4))
     assert events == contract(beats, W, H)
     # Every frame that was started has all its rows, and the last two are whole.
     rows = [last for kind, last, *_ in events if kind == "row"]
@@ -115,18 +120,20 @@ def test_next_frame_is_in_step_after(name, share):
     ]
 
 
-def test_a_frame_that_breaks_off_is_completed_before_the_next_start_of_frame_is_taken():
+@ahead
+def test_a_frame_that_breaks_off_is_completed_before_the_next_start_of_frame_is_taken(ahead):
     beats = GOOD[: W + 3] + GOOD
-    events = capture(beats, W, H, never(), never())
+    events = capture(beats, W, H, ahead, never(), never())
     first = next(index for index, event in enumerate(events) if event == ("pixel", 0, W + 3))
     assert events[first - 3 : first] == [("row", False), ("row", False), ("row", True)]
 
 
-@pytest.mark.parametrize("width, height, seed", [(6, 4, 1), (5, 1, 2), (8, 3, 3), (7, 2, 4), (3, 5, 5)])
-def test_any_stream_is_taken_to_its_end(width, height, seed):
+@ahead
+@pytest.mark.parametrize("width, height, seed", [(6, 4, 1), (5, 1, 2), (8, 3, 3), (7, 2, 4), (1, 5, 5)])
+def test_any_stream_is_taken_to_its_end(width, height, seed, ahead):
     generator = random.Random(seed)
     beats = [(int(generator.random() < 0.04), int(generator.random() < 1.2 / width)) for _ in range(500)]
     beats += frame(width, height)
-    assert capture(beats, width, height, pauses(0.3, seed), pauses(0.3, seed + 1, burst=4)) == (
+    assert capture(beats, width, height, ahead, pauses(0.3, seed), pauses(0.3, seed + 1, burst=4)) == (
         contract(beats, width, height)
     )

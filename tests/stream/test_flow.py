@@ -23,14 +23,14 @@ class Counted:
         return self.written > frame * self.height + row + self.lead or self.written >= (frame + 1) * self.height
 
 
-def run(lead, height, rows, wants):
+def run(lead, height, ahead, rows, wants):
     """Move ``rows`` rows through both sides.
 
     ``wants()`` says which side, (write, issue), would like to complete a row in this clock. Each does so only where the
     block allows it, and what it allows is compared with `Counted` in every clock. Returns (rows ahead, may_write,
     may_issue) of each clock.
     """
-    flow = RowFlow(lead)
+    flow = RowFlow(lead, ahead)
     model = Counted(lead, height)
 
     async def testbench(ctx):
@@ -53,25 +53,33 @@ def run(lead, height, rows, wants):
     return seen
 
 
+ahead = pytest.mark.parametrize("ahead", [False, True], ids=["compared", "by its sign"])
+
+
+@ahead
 @pytest.mark.parametrize("height, lead", [(8, 0), (8, 3), (8, 6), (2, 0), (5, 1), (24, 17)])
 @pytest.mark.parametrize("write_share, issue_share", [(0.9, 0.1), (0.1, 0.9), (0.5, 0.5), (1.0, 1.0), (0.9, 0.9)])
-def test_rules_hold_in_every_clock(height, lead, write_share, issue_share):
+def test_rules_hold_in_every_clock(height, lead, write_share, issue_share, ahead):
     generator = random.Random(height * 100 + lead)
-    seen = run(lead, height, 12 * height, lambda: (generator.random() < write_share, generator.random() < issue_share))
+    seen = run(
+        lead, height, ahead, 12 * height, lambda: (generator.random() < write_share, generator.random() < issue_share)
+    )
     if write_share > issue_share:
-        assert max(ahead for ahead, _, _ in seen) == lead + 2
+        assert max(rows for rows, _, _ in seen) == lead + 2
 
 
+@ahead
 @pytest.mark.parametrize("height, lead", [(9, 3), (9, 0), (9, 7)])
-def test_a_row_may_go_in_in_every_clock_while_none_waits_to_go_out(height, lead):
-    seen = run(lead, height, 10 * height, lambda: (True, True))
+def test_a_row_may_go_in_in_every_clock_while_none_waits_to_go_out(height, lead, ahead):
+    seen = run(lead, height, ahead, 10 * height, lambda: (True, True))
     assert all(may_write for _, may_write, _ in seen)
     assert [may_issue for *_, may_issue in seen] == [False] * (lead + 1) + [True] * (10 * height)
 
 
-def test_a_complete_frame_is_issued_without_another_row():
+@ahead
+def test_a_complete_frame_is_issued_without_another_row(ahead):
     lead, height = 4, 6
-    flow = RowFlow(lead)
+    flow = RowFlow(lead, ahead)
 
     async def testbench(ctx):
         for row in range(height):
@@ -94,9 +102,10 @@ def test_a_complete_frame_is_issued_without_another_row():
     simulate(flow, testbench, clocks=4 * height)
 
 
-def test_permissions_depend_on_registers_only():
+@ahead
+def test_permissions_depend_on_registers_only(ahead):
     lead = 2
-    flow = RowFlow(lead)
+    flow = RowFlow(lead, ahead)
 
     async def testbench(ctx):
         for _ in range(lead + 3):  # from empty to full

@@ -1,21 +1,29 @@
 """Whole frames through the exported Verilog, bit for bit."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from hdl import calibration
+from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST
 from hdl.core.build import Options, build
 from hdl.datapaths import DATAPATHS
 from hdl.geometry.coordinates import Border
 from hdl.geometry.rectification import RectificationOptions, rectify
+from hdl.stream.rectifier import Rectifier
+from hdl.tools import verilog
 from sim.beats import to_beats, to_frames
 from sim.compiler import compile_core
 from sim.remap import cv2_remap, remap
 
 VGA = (640, 480)
 SMALL = (160, 120)
+
+
+def named(value):
+    return getattr(value, "name", str(value))
 
 
 def largest(datapath):
@@ -29,8 +37,21 @@ def view(side="left", size=VGA, alpha=0.0, lens=False):
 
 
 @cache
-def core(options=Options("proposed"), side="left", size=VGA, alpha=0.0, lens=False):
-    return build(view(side, size, alpha, lens), options, "rectify")
+def built(options, *geometry):
+    return build(view(*geometry), options, "rectify")
+
+
+@cache
+def core(options=Options("proposed"), side="left", size=VGA, alpha=0.0, lens=False, pipeline=BALANCED):
+    """A core with the registers of ``pipeline``."""
+    core = built(options, side, size, alpha, lens)
+    parameters = replace(core.parameters, datapath=core.parameters.datapath.with_pipeline(pipeline))
+    return replace(
+        core,
+        parameters=parameters,
+        verilog=verilog.convert(Rectifier(parameters), "rectify"),
+        plan=core.plan.model_copy(update={"latency_cycles": parameters.latency_cycles}),
+    )
 
 
 def frames_for(core, count, seed=0):
@@ -76,12 +97,22 @@ def test_every_pixel_is_that_of_cv2_remap(datapath, side):
     run(built, frames_for(built, 2), opencv)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("size", [VGA, (643, 481)])
-def test_every_pixel_with_the_lens_is_that_of_cv2_remap(side, size):
-    built = core(Options("spline"), side, size, lens=True)
+@pytest.mark.parametrize(
+    "side, size, pipeline",
+    [
+        ("left", VGA, COMPACT),
+        ("left", VGA, BALANCED),
+        ("left", VGA, FAST),
+        ("right", (643, 481), BALANCED),
+        ("right", (643, 481), FAST),
+    ],
+    ids=named,
+)
+def test_every_pixel_with_the_lens_is_that_of_cv2_remap(side, size, pipeline):
+    built = core(Options("spline"), side, size, lens=True, pipeline=pipeline)
     stream = run(built, frames_for(built, 2), opencv)
     assert stream.not_ready_cycles == 0
+    assert stream.beats["cycle"][0] - stream.sent["cycle"][0] == built.plan.latency_cycles
 
 
 @pytest.mark.parametrize(
@@ -104,10 +135,11 @@ def test_ramps_show_the_models_coordinates_at_every_pixel(axis, datapath, lens):
 
 
 @pytest.mark.parametrize("border", [Border("constant", 201), Border("replicate")], ids=str)
-@pytest.mark.parametrize("channels", [1, 3])
-def test_borders_and_colour_are_those_of_cv2_remap(border, channels):
+@pytest.mark.parametrize("channels, pipeline", [(1, BALANCED), (3, FAST), (3, BALANCED)], ids=named)
+def test_borders_and_colour_are_those_of_cv2_remap(border, channels, pipeline):
     # alpha 1 shows all of the source, so the map leaves it on every side.
-    built = core(Options(datapath="accumulate", border=border, channels=channels), alpha=1.0)
+    options = Options(datapath="accumulate", border=border, channels=channels)
+    built = core(options, alpha=1.0, pipeline=pipeline)
     low, high = built.parameters.datapath.coordinates.u_range
     assert low < 0 and high > (VGA[0] - 1) << 5
     run(built, frames_for(built, 2), opencv)
@@ -125,7 +157,11 @@ def test_any_frame_size(size):
     run(built, frames_for(built, 3), opencv, idle=0.2, backpressure=0.3, seed=1)
 
 
-@pytest.mark.parametrize("datapath", DATAPATHS)
+@pytest.mark.parametrize(
+    "datapath, pipeline",
+    [*((name, BALANCED) for name in DATAPATHS), ("proposed", COMPACT), ("spline", FAST)],
+    ids=named,
+)
 @pytest.mark.parametrize(
     "idle, backpressure, burst",
     [
@@ -137,8 +173,8 @@ def test_any_frame_size(size):
         (0.7, 0.1, 2000),
     ],
 )
-def test_pauses_change_nothing_but_the_time(datapath, idle, backpressure, burst):
-    built = core(Options(datapath=datapath), "left", min((320, 240), largest(datapath)))
+def test_pauses_change_nothing_but_the_time(datapath, pipeline, idle, backpressure, burst):
+    built = core(Options(datapath=datapath), "left", min((320, 240), largest(datapath)), pipeline=pipeline)
     stream = run(built, frames_for(built, 3), opencv, idle=idle, backpressure=backpressure, burst=burst, seed=7)
     if not backpressure:
         assert stream.stall_cycles == 0

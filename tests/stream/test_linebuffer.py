@@ -2,12 +2,15 @@ import random
 from collections import deque
 from dataclasses import dataclass
 from itertools import product
+from unittest import mock
 
 import pytest
 
+from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST, PIPELINES
 from hdl.arithmetic.fixedpoint import Q
 from hdl.geometry.coordinates import Border, Window
 from hdl.stream.linebuffer import LineBuffer, LineBufferParameters
+from hdl.stream.raster import NEAR
 from sim.drivers import never, pauses, simulate
 
 BITS = 4  # of the fractions
@@ -51,7 +54,7 @@ class Case:
                 positions.append((left << BITS | fx, top << BITS | fy))
         return positions
 
-    def parameters(self, positions):
+    def parameters(self, positions, pipeline):
         spans = [(min(axis), max(axis)) for axis in zip(*positions)]
         u, v = (Q.covering(*span, BITS) for span in spans)
         return LineBufferParameters(
@@ -64,7 +67,13 @@ class Case:
             self.border,
             channel_bits=16,
             channels=1,
+            pipeline=pipeline,
         )
+
+    def longest_delay(self, pipeline):
+        """Of the position, enabled clocks: what `RectifierParameters` allows a datapath."""
+        p = self.parameters([(0, 0)], pipeline)
+        return self.width - 1 - (p.latency - pipeline.taps + NEAR * pipeline.ahead)
 
     def tap(self, source, column, row):
         if self.border.mode == "replicate":
@@ -87,27 +96,31 @@ CASES = [
 ]
 
 
-def read(case, frames, positions, *, delay, write_pauses, read_pauses):
+def read(case, frames, positions, pipeline, *, delay, write_pauses, read_pauses):
     """The windows (tl, tr, bl, br, fx, fy) that the block reads from ``frames`` at ``positions``, frame after frame.
 
     Both sides keep to the rules that `hdl.stream.flow.RowFlow` enforces, and go as far as those let them: output row y
     is issued once source row y + lead is complete, or the frame is; a source row is written while it is at most
-    lead + 1 rows ahead of the output row in progress. A position reaches the block ``delay`` enabled clocks after it
-    was issued.
+    lead + 1 rows ahead of the output row in progress, which, as `hdl.stream.issue.Issue` has it, may be over `NEAR`
+    positions before its end. A position reaches the block ``delay`` enabled clocks after it was issued.
     """
-    block = LineBuffer(case.parameters(positions))
+    parameters = case.parameters(positions, pipeline)
+    block = LineBuffer(parameters)
     width, height, lead = case.width, case.height, max(case.d_hi, 0)
     pixels = [row for frame in frames for row in frame]
     noise = random.Random(len(pixels))
 
     async def testbench(ctx):
         windows = []
+        last_row = False
         written = x = 0  # rows complete, pixels written to the row in progress
         issued = column = 0  # rows issued, positions issued of the row in progress
-        in_flight, reading = deque([None] * delay), deque([None] * block.latency)
+        counted = 0  # rows that count as issued
+        in_flight, reading = deque([None] * delay), deque([None] * parameters.latency)
+        placing, places = deque([None] * parameters.place_latency), deque()
         while len(windows) < width * len(pixels):
             frame, y = divmod(issued, height)
-            write = written <= issued + lead + 1 and written < len(pixels) and not next(write_pauses)
+            write = written <= counted + lead + 1 and written < len(pixels) and not next(write_pauses)
             enable = not next(read_pauses)
             issue = enable and issued < len(pixels) and (written > issued + lead or written >= (frame + 1) * height)
 
@@ -121,24 +134,31 @@ def read(case, frames, positions, *, delay, write_pauses, read_pauses):
 
             position = None
             if enable:
-                flags = column == width - 1, y == height - 1
-                in_flight.append((*positions[y * width + column], *flags) if issue else None)
-                position = in_flight.popleft()
-            u, v, last_column, last_row = position or (noise.getrandbits(4), noise.getrandbits(4), False, False)
-            if not enable:
-                last_column, last_row = noise.getrandbits(1), noise.getrandbits(1)
+                # The flag of the row stands while positions are waited for, too.
+                flags = issue and column == width - 1, y == height - 1
+                in_flight.append((positions[y * width + column] if issue else None, *flags))
+                position, *flags = in_flight.popleft() or (None, False, False)
+            u, v = position or (noise.getrandbits(4), noise.getrandbits(4))
+            if enable:
+                last_column, last_row = flags
+            else:
+                last_column, last_row = noise.getrandbits(1), last_row
             ctx.set(block.enable, enable)
             ctx.set(block.u, u)
             ctx.set(block.v, v)
             ctx.set(block.end_of_line, last_column)
-            ctx.set(block.end_of_frame, last_column and last_row)
+            ctx.set(block.last_row, last_row)
 
             _, _, taps, fx, fy, odd_column, odd_row = await ctx.tick().sample(
                 block.taps, block.fx, block.fy, block.odd_column, block.odd_row
             )
             if enable:
+                placing.append(position)
+                if placing.popleft() is not None:
+                    places.append((fx, fy, odd_column, odd_row))
                 reading.append(position)
                 if reading.popleft() is not None:
+                    fx, fy, odd_column, odd_row = places.popleft()
                     top, bottom = taps[odd_row], taps[1 - odd_row]
                     windows.append(
                         (top[odd_column], top[1 - odd_column], bottom[odd_column], bottom[1 - odd_column], fx, fy)
@@ -149,6 +169,7 @@ def read(case, frames, positions, *, delay, write_pauses, read_pauses):
             if issue:
                 column = (column + 1) % width
                 issued += column == 0
+                counted += column == (width - NEAR * pipeline.ahead) % width
         return windows
 
     (windows,) = simulate(block, testbench, clocks=40 * width * len(pixels) + 500)
@@ -170,13 +191,13 @@ def total(window):
     return (tl * (one - fx) + tr * fx) * (one - fy) + (bl * (one - fx) + br * fx) * fy
 
 
-def check(case, seed, *, frames=3, positions=None, **patterns):
+def check(case, seed, pipeline, *, frames=3, positions=None, **patterns):
     generator = random.Random(seed)
     positions = positions or case.coordinates(generator, reach=3)
     sources = [
         [[generator.getrandbits(16) for _ in range(case.width)] for _ in range(case.height)] for _ in range(frames)
     ]
-    windows = read(case, sources, positions, **patterns)
+    windows = read(case, sources, positions, pipeline, **patterns)
     wanted = list(expected(case, sources, positions))
     if case.border.mode == "replicate":
         # Where a coordinate is held at the edge, the taps differ from the definition's, but not what they are worth.
@@ -184,29 +205,53 @@ def check(case, seed, *, frames=3, positions=None, **patterns):
     assert windows == wanted
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
-def test_windows_under_pauses(case):
-    check(case, 1, delay=2, write_pauses=pauses(0.3, 1), read_pauses=pauses(0.3, 2, burst=5))
+# Each case with one pipeline; the first ones, of all windows, with all.
+EACH = [(case, pipeline) for case in CASES[:5] for pipeline in PIPELINES.values()] + [
+    (case, list(PIPELINES.values())[index % len(PIPELINES)]) for index, case in enumerate(CASES[5:])
+]
+pipelines = pytest.mark.parametrize("pipeline", PIPELINES.values(), ids=PIPELINES)
 
 
-@pytest.mark.parametrize("case", CASES[:5] + CASES[15:20:2] + CASES[20::3], ids=str)
-def test_windows_while_rows_are_overwritten_as_early_as_allowed(case):
+def named(value):
+    return value.name if hasattr(value, "name") else str(value)
+
+
+@pytest.mark.parametrize("case, pipeline", EACH, ids=named)
+def test_windows_under_pauses(case, pipeline):
+    delay = min(2, case.longest_delay(pipeline))
+    check(case, 1, pipeline, delay=delay, write_pauses=pauses(0.3, 1), read_pauses=pauses(0.3, 2, burst=5))
+
+
+@pytest.mark.parametrize("case, pipeline", EACH[:15] + EACH[25::4], ids=named)
+def test_windows_while_rows_are_overwritten_as_early_as_allowed(case, pipeline):
     # The slowest pipeline that a row hides, and a read side that stands for long.
-    check(case, 2, delay=case.width - 3, write_pauses=never(), read_pauses=pauses(0.5, 3, burst=2 * case.width))
+    patterns = {"write_pauses": never(), "read_pauses": pauses(0.5, 3, burst=2 * case.width)}
+    check(case, 2, pipeline, delay=case.longest_delay(pipeline), **patterns)
 
 
-@pytest.mark.parametrize("case", CASES[::3], ids=str)
-def test_windows_read_as_soon_as_their_rows_are_complete(case):
-    check(case, 3, delay=0, write_pauses=pauses(0.6, 4, burst=3), read_pauses=never())
+@pytest.mark.parametrize("case, pipeline", EACH[::4], ids=named)
+def test_windows_read_as_soon_as_their_rows_are_complete(case, pipeline):
+    # Where rows are looked at ahead, the permission is a clock on its way.
+    check(case, 3, pipeline, delay=pipeline.ahead, write_pauses=pauses(0.6, 4, burst=3), read_pauses=never())
 
 
+@pytest.mark.parametrize("pipeline", [BALANCED, FAST], ids=named)
+@pytest.mark.parametrize("case", CASES[:4], ids=str)
+def test_windows_in_a_ring_too_large_for_a_table(case, pipeline):
+    with mock.patch("hdl.stream.ring._TABLE_ROWS", 2):
+        assert case.parameters([(0, 0)], pipeline).place_latency == 2
+        patterns = {"write_pauses": never(), "read_pauses": pauses(0.4, 3, burst=2 * case.width)}
+        check(case, 4, pipeline, delay=case.longest_delay(pipeline), **patterns)
+
+
+@pipelines
 @pytest.mark.parametrize("border", [CONSTANT, REPLICATE], ids=lambda border: border.mode)
-def test_coordinates_far_outside_read_the_border(border):
+def test_coordinates_far_outside_read_the_border(border, pipeline):
     case = Case(10, 8, -2, 3, border)
     generator = random.Random(5)
     positions = case.coordinates(generator, reach=300)
     sources = [[[generator.getrandbits(16) for _ in range(10)] for _ in range(8)]] * 2
-    windows = read(case, sources, positions, delay=1, write_pauses=never(), read_pauses=never())
+    windows = read(case, sources, positions, pipeline, delay=1, write_pauses=never(), read_pauses=never())
     assert list(map(total, windows)) == list(map(total, expected(case, sources, positions)))
 
 
@@ -226,12 +271,15 @@ def test_coordinates_that_reach_just_so_far(before, beyond, border):
             positions.append((generator.randint(*spans[0]), v))
     # Output row 1 may read every row.
     positions[9:13] = list(product(*spans))
-    check(case, 8, frames=2, positions=positions, delay=0, write_pauses=never(), read_pauses=never())
+    pipeline = BALANCED if beyond % 2 else COMPACT
+    patterns = {"write_pauses": never(), "read_pauses": never()}
+    check(case, 8, pipeline, frames=2, positions=positions, delay=int(pipeline.ahead), **patterns)
 
 
-def test_windows_over_many_frames():
+@pipelines
+def test_windows_over_many_frames(pipeline):
     # 11 rows in a ring of 6: each frame starts elsewhere in the ring.
-    check(Case(8, 11, -1, 1), 6, frames=14, delay=3, write_pauses=never(), read_pauses=pauses(0.1, 7))
+    check(Case(10, 11, -1, 1), 6, pipeline, frames=14, delay=1, write_pauses=never(), read_pauses=pauses(0.1, 7))
 
 
 @pytest.mark.parametrize("width, columns", [(640, 320), (752, 376), (641, 321), (33, 17), (1920, 960), (16, 8), (9, 5)])
