@@ -22,8 +22,8 @@ from hdl.tools import nextpnr, yosys
 from hdl.tools import place_and_route as ecp5
 from hdl.tools.synthesis import Resources, conditions, netlist, xc7
 from hdl.tools.xc7_timing import MODEL, longest_path
-from scripts import clock_record as record
-from scripts import readme
+from scripts import clock_record, readme
+from scripts.record import digest
 from scripts.resources import within_budget
 from scripts.tables import cache_option, json_option, show, write_json
 
@@ -94,14 +94,15 @@ def clock(names, pipelines, sizes, json_file, update, check, cache):
         raise InputError(option, None, text, "the README's table has cores of its own")
     if update:
         readme.check_writable()
-        files.check_targets("--readme", [record.RECORD])
+        files.check_targets("--readme", [clock_record.RECORD])
     if not check:
         nextpnr.version()
     wanted = table_cases() if not chosen else cases(names or DATAPATHS, pipelines or [BALANCED.name], sizes or [VGA])
     with steps() as progress:
         built, refusals = build_all(wanted, progress)
         if check:
-            problem = record.stale({record.key(row_of(case)): record.digest(core.verilog) for case, core in built})
+            digests = {clock_record.name(row_of(case)): digest(core.verilog) for case, core in built}
+            problem = clock_record.stale(digests)
             if problem:
                 click.echo(problem, err=True)
             return 1 if problem else 0
@@ -115,9 +116,10 @@ def clock(names, pipelines, sizes, json_file, update, check, cache):
     }
     write_json(json_file, rows)
     if update:
-        files.write({record.RECORD: json.dumps(found, indent=1, allow_nan=False) + "\n"})
-        readme.update("clock", record.as_markdown(found))
-    show(f"model: {MODEL}; {ecp5.conditions()}", record.HEADINGS, record.table_rows(rows), texts=record.TEXTS)
+        files.write({clock_record.RECORD: json.dumps(found, indent=1, allow_nan=False) + "\n"})
+        readme.update("clock", clock_record.as_markdown(found))
+    title = f"model: {MODEL}; {ecp5.conditions()}"
+    show(title, clock_record.HEADINGS, clock_record.table_rows(rows), texts=clock_record.TEXTS)
     for refusal in refusals:
         click.echo(f"Not built: {refusal}")
 
@@ -130,7 +132,8 @@ def build_all(wanted, progress):
         try:
             built.append((case, build(case)))
         except InputError as refusal:
-            refusals.append(f"{record.title(row_of(case))}, {record.frame(row_of(case))}: {refusal.problem}")
+            row = row_of(case)
+            refusals.append(f"{clock_record.title(row)}, {clock_record.frame(row)}: {refusal.problem}")
     return built, refusals
 
 
@@ -201,7 +204,7 @@ def measured(case, core, cache):
 
     return {
         **row_of(case),
-        "digest": record.digest(verilog),
+        "digest": digest(verilog),
         "xc7": {
             **dataclasses.asdict(Resources.of(made)),
             "ns": round(path.ns, 3),

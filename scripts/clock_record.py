@@ -1,38 +1,19 @@
 """What was measured of the clock of cores: `hdl.core.clock`, the README's table of it, and whether both are current."""
 
-import hashlib
-import json
-import re
-import tomllib
-
 from hdl.core import clock
 from hdl.tools import nextpnr, yosys
 from hdl.tools.xc7_timing import MODEL
-from scripts import readme
+from scripts import readme, record
 
-ROOT = readme.README.parent
-RECORD = ROOT / "hdl" / "core" / clock.RECORD
+RECORD = record.ROOT / "hdl" / "core" / clock.RECORD
 HEADINGS = ("core", "pipeline", "frame", "FF", "LUT", "RAMB18", "model ns", "model MHz", "ECP5-6 MHz", "with OUTREG",
             "critical path on ECP5: ns by block")  # fmt: skip
 TEXTS = 3  # of them are texts
-_KEY = ("datapath", "lens", "dsp_allowed", "pipeline", "width", "height")
-
-
-def digest(verilog):
-    """SHA-256 of a core's Verilog, but for what its clock does not depend on.
-
-    That is the comment above it, and the values of constants: on another processor fits end in other last digits.
-    """
-    body = re.sub(r"^//.*\n", "", verilog, flags=re.MULTILINE)
-    return hashlib.sha256(re.sub(r"('s?[bdh])[0-9a-fA-FxzXZ_]+", r"\1", body).encode()).hexdigest()
 
 
 def versions():
-    """Of the tools that measure, as the project asks for them: nextpnr's need not be installed."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["clock"]]
-    pinned = dict(requirement.split("==") for requirement in wanted if "==" in requirement)
-    return {package: pinned[package] for package in (yosys.PACKAGE, nextpnr.PACKAGE)}
+    """Of the tools that measure, as they should be."""
+    return record.pinned(yosys.PACKAGE, nextpnr.PACKAGE)
 
 
 def title(row):
@@ -84,47 +65,26 @@ def as_markdown(record):
     return f"{readme.markdown(HEADINGS, table_rows(record['rows']))}\n\n{' '.join(sentences)}"
 
 
-def load():
-    """What `RECORD` holds; None where it holds no record."""
-    try:
-        record = json.loads(RECORD.read_text(encoding="utf-8"))
-        as_markdown(record)
-        return record if {"versions", "seeds"} <= record.keys() else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
 def stale(digests):
     """What is not current, in one line; "" where all is.
 
     Parameters
     ----------
-    digests : {tuple: str}
-        `digest` of the cores as they are built now, by `key`.
+    digests : dict of str to str
+        `hdl.core.clock`'s cores as they are built now, by `name`.
     """
-    problem = _problem(digests)
-    return f"{problem}; `make clock` brings it up to date" if problem else ""
+
+    def measured(found):
+        return {name(row): row["digest"] for row in found["rows"]}
+
+    return record.stale(RECORD, parts, versions(), measured, digests, "make clock")
 
 
-def _problem(digests):
-    record, pinned = load(), versions()
-    if record is None:
-        return f"{RECORD.name} is missing, or no record of measurements"
-    others = [f"{tool} {version}" for tool, version in record["versions"].items() if pinned.get(tool) != version]
-    if others:
-        return f"{RECORD.name} was measured with {', '.join(others)}"
-    measured = {key(row): row["digest"] for row in record["rows"]}
-    changed = [core for core in {**digests, **measured} if measured.get(core) != digests.get(core)]
-    if changed:
-        row = dict(zip(_KEY, changed[0]))
-        more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
-        core = f"{title(row)}, {row['pipeline']}, {frame(row)}"
-        return f"{RECORD.name} was measured on cores that are others now: {core}{more}"
-    if readme.replaced("clock", as_markdown(record)) != readme.README.read_text(encoding="utf-8"):
-        return f"{readme.README.name}: the table of clock is not that of {RECORD.name}"
-    return ""
+def parts(found):
+    """The README's parts of a record."""
+    return {"clock": as_markdown(found)}
 
 
-def key(row):
+def name(row):
     """What tells the cores of a record apart."""
-    return tuple(row[name] for name in _KEY)
+    return f"{title(row)}, {row['pipeline']}, {frame(row)}"

@@ -4,6 +4,7 @@ And the ladder: what the coordinates alone take, and how exact they are.
 """
 
 import dataclasses
+import json
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from operator import sub
 
 import rich_click as click
 
-from hdl import calibration
+from hdl import calibration, files
 from hdl.arithmetic.cuts import COMPACT
 from hdl.cli import SizeType, run, steps
 from hdl.core.build import Core, Options, build
@@ -21,8 +22,9 @@ from hdl.datapaths import DATAPATHS
 from hdl.datapaths.base import fitted_budget
 from hdl.errors import BudgetError, InputError
 from hdl.geometry.rectification import rectify
+from hdl.tools import yosys
 from hdl.tools.synthesis import conditions, synthesise, synthesise_block
-from scripts import readme
+from scripts import readme, record
 from scripts.tables import cache_option, json_option, show, write_json
 
 SIZE = 640, 480  # of the README's tables
@@ -35,6 +37,7 @@ CELLS = ("ff", "lut", "srl", "lut_ram", "carry4", "dsp", "ramb18", "ramb36")
 CELL_HEADINGS = ("FF", "LUT", "SRL", "LUT RAM", "CARRY4", "DSP", "RAMB18", "RAMB36")
 HEADINGS = ("core", "pipeline", *CELL_HEADINGS, "rows", "error u, v")
 LADDER_HEADINGS = ("datapath", "pipeline", "error u, v", *CELL_HEADINGS[:2], "DSP", "RAMB18", "latency")
+RECORD = record.ROOT / "docs" / "resources.json"
 PIPELINES = COMPACT.name, Options.pipeline
 
 
@@ -64,8 +67,8 @@ class Job:
     "--datapath", "names", multiple=True, type=click.Choice(list(DATAPATHS)), help="Only this one; may be repeated."
 )
 @json_option
-@click.option("--readme", "update", is_flag=True, help="Write the tables into the README.")
-@click.option("--check", is_flag=True, help="Fail if the README's tables are not these.")
+@click.option("--readme", "update", is_flag=True, help="Write docs/resources.json and the README's tables.")
+@click.option("--check", is_flag=True, help="Fail if they are not of these cores; nothing is measured.")
 @cache_option
 def resources(size, names, json_file, update, check, cache):
     """Synthesise the core of every datapath for the embedded rig's left camera, with and without DSP blocks.
@@ -78,31 +81,48 @@ def resources(size, names, json_file, update, check, cache):
         raise InputError("--size", None, f"{size[0]}x{size[1]}", f"the README's tables are of {SIZE[0]}x{SIZE[1]}")
     if update:
         readme.check_writable()
+        files.check_targets("--readme", [RECORD])
     with steps() as progress:
-        rows, refusals = measure(size, names or DATAPATHS, cache, progress)
+        jobs, refusals = cores(size, names or DATAPATHS, progress)
+        digests = {name_of(job): record.digest(job.core.verilog) for job in jobs}
+        if check:
+            problem = record.stale(RECORD, parts, versions(), lambda found: found["digests"], digests, "make readme")
+            if problem:
+                click.echo(problem, err=True)
+            return 1 if problem else 0
+        rows = measure(jobs, cache, progress)
     write_json(json_file, rows)
-    parts = {"resources": as_markdown(rows, refusals, size), "ladder": ladder_as_markdown(rows, size)}
     if update:
-        for name, text in parts.items():
+        found = {"versions": versions(), "digests": digests, "refusals": refusals, "rows": rows}
+        files.write({RECORD: json.dumps(found, indent=1, allow_nan=False) + "\n"})
+        for name, text in parts(found).items():
             readme.update(name, text)
-    stale = [name for name, text in parts.items() if check and not readme.is_current(name, text)]
     show(caption(size), HEADINGS, core_rows(rows), texts=2)
     title = f"Blocks, each by itself; {REST}: the rest of the core, less what is saved where blocks meet"
     show(title, ("core", "pipeline", "block", *CELL_HEADINGS), block_rows(rows), texts=3)
     show("Coordinates alone", LADDER_HEADINGS, ladder_rows(rows), texts=2)
     for line in (*refusals, ratios(rows)):
         click.echo(line)
-    for name in stale:
-        click.echo(f"README.md: the table of {name} is stale; `make readme` renews it", err=True)
-    return 1 if stale else 0
 
 
-def measure(size, names, cache, progress):
-    """The measured rows, and a line for each datapath that builds no such core.
+def versions():
+    """Of the tool that measures, as it should be."""
+    return record.pinned(yosys.PACKAGE)
 
-    A row is a dict: datapath, lens, scope ("core" or a block), width, height, whether DSP blocks were allowed, and the
-    cells; for the core also its largest error, the rows of its line buffer and the datapath's latency.
-    """
+
+def parts(found):
+    """The README's parts of a record."""
+    rows = found["rows"]
+    return {"resources": as_markdown(rows, found["refusals"], SIZE), "ladder": ladder_as_markdown(rows, SIZE)}
+
+
+def name_of(job):
+    """What tells the cores of a record apart."""
+    return f"{_title(vars(job))}, {job.pipeline}"
+
+
+def cores(size, names, progress):
+    """A `Job` for each core that can be built, and a line for each datapath that builds none."""
     jobs, refusals = [], []
     for lens in (False, True):
         view = rectify(calibration.embedded(size), lens=lens)["left"]
@@ -113,12 +133,21 @@ def measure(size, names, cache, progress):
                 jobs += _jobs(view, name, progress)
             except InputError as refusal:
                 refusals.append(f"{name}, {'with' if lens else 'without'} the lens: {refusal.problem}")
+    return jobs, refusals
+
+
+def measure(jobs, cache, progress):
+    """The measured rows.
+
+    A row is a dict: datapath, lens, pipeline, scope ("core" or a block), width, height, whether DSP blocks were
+    allowed, and the cells; for the core also its largest error, the rows of its line buffer and the datapath's latency.
+    """
     rows = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for number, found in enumerate(pool.map(lambda job: list(cells(job, cache)), jobs)):
             progress(f"synthesis: {number + 1} of {len(jobs)} cores")
             rows += found
-    return rows, refusals
+    return rows
 
 
 def _jobs(view, name, progress):

