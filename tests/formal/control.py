@@ -103,6 +103,7 @@ class Control:
         self.lemma(~pulse | ((self.x == width - NEAR) & is_warm), "a row counts as issued once, near its end")
         self.lemma(registers["issue.frame_issued"] == (pulse & (self.y == height - 1)), "and so does a frame")
         self.lemma(self.permitted | (is_warm & (self.x == 0)), "a row that was begun is permitted")
+        self.lemma(self.permitted | (self.ahead != self.lead + 2), "a row is permitted a clock after it may be issued")
         self.lemma(
             ~(self.permitted & is_warm) | self.early | (self.ahead > self.lead) | self.complete,
             "a row that is permitted has its source rows",
