@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from amaranth import Cat, Module, Signal
+from amaranth import Cat, Module, Mux, Signal
 from amaranth.hdl import Assert, Elaboratable, Value
 from amaranth.utils import ceil_log2
 
@@ -86,19 +86,26 @@ class VideoFormat(Elaboratable):
         self.y = Signal(ceil_log2(height))
         self.end_of_frame = stream.transfer & (self.x == width - 1) & (self.y == height - 1)
 
+    @property
+    def marks(self):
+        """tuser and tlast of the beat at this place."""
+        return Cat((self.x == 0) & (self.y == 0), self.x == self._width - 1)
+
+    @property
+    def following(self):
+        """The place after this one, (x, y)."""
+        last_column, last_row = self.x == self._width - 1, self.y == self._height - 1
+        y = Mux(last_column, Mux(last_row, 0, self.y + 1), self.y)
+        return Mux(last_column, 0, self.x + 1), y
+
     def elaborate(self, platform):
         m = Module()
         s, check = self._stream, self._check
-        last_column, last_row = self.x == self._width - 1, self.y == self._height - 1
         with m.If(s.valid):
             m.d.comb += [
-                check(s.user == ((self.x == 0) & (self.y == 0)), f"{s.name}: tuser on a frame's first beat only"),
-                check(s.last == last_column, f"{s.name}: tlast on a line's last beat only"),
+                check(s.user == self.marks[0], f"{s.name}: tuser on a frame's first beat only"),
+                check(s.last == self.marks[1], f"{s.name}: tlast on a line's last beat only"),
             ]
         with m.If(s.transfer):
-            m.d.sync += self.x.eq(self.x + 1)
-            with m.If(last_column):
-                m.d.sync += [self.x.eq(0), self.y.eq(self.y + 1)]
-                with m.If(last_row):
-                    m.d.sync += self.y.eq(0)
+            m.d.sync += [place.eq(value) for place, value in zip((self.x, self.y), self.following)]
         return m

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from amaranth import ClockSignal, Module, ResetSignal, Signal
+from amaranth import ClockSignal, Module, ResetSignal, Signal, Value
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assume
 from amaranth.lib import wiring
 
+from hdl.arithmetic.cuts import COMPACT
 from hdl.datapaths.base import Datapath
 from hdl.geometry.coordinates import Border, Window
 from hdl.stream.rectifier import Rectifier, RectifierParameters
@@ -95,6 +96,8 @@ class FreeCore:
     Attributes
     ----------
     s_axis, m_axis : Stream
+    inner : Stream
+        At `Capture`: s_axis, or what is in the register behind it.
     parts, registers
         As in `Opened`.
     warming : Signal
@@ -113,20 +116,33 @@ class FreeCore:
             Signal(),
         )
         self.s_axis, self.m_axis = (Stream.of(self.component, name) for name in ("s_axis", "m_axis"))
+        capture = self.parts["capture"]
+        self.inner = Stream("capture", Value.cast(0), capture.valid, capture.ready, capture.sof, capture.eol)
 
     def bank(self, row, column):
-        """The memories that hold the line buffer's bank of this parity of slots and columns, its lowest bits first."""
-        name = f"line_buffer.bank_{('even', 'odd')[row]}_row_{('even', 'odd')[column]}_column"
-        lowest_bits = {path.removeprefix(name).strip("_") or "0": path for path in self.parts if path.startswith(name)}
-        return [self.parts[lowest_bits[low]] for low in sorted(lowest_bits, key=int)]
+        """The memories that hold the line buffer's bank of this parity of slots and columns.
 
-    def add_to(self, m, data=None):
-        """Make it the submodule ``core`` of ``m``; ``data`` is what to put on s_axis_tdata."""
+        A list, for memories on top of each other, of lists, the lowest bits first.
+        """
+        layout = self.parameters.line_buffer.bank
+        name = f"line_buffer.{bank_name(row, column)}"
+        return [
+            [
+                self.parts[
+                    "_".join([name] + [str(index)] * (layout.stack > 1) + [str(low)] * (len(layout.slices) > 1))
+                ]
+                for low, _ in layout.slices
+            ]
+            for index in range(layout.stack)
+        ]
+
+    def add_to(self, m):
+        """Make it the submodule ``core`` of ``m``."""
         m.submodules.core = self._opened
         m.d.comb += [
             self.component.aclk.eq(ClockSignal()),
             self.component.aresetn.eq(~ResetSignal()),
-            self.s_axis.data.eq(AnySeq(self.s_axis.data.shape()) if data is None else data),
+            self.s_axis.data.eq(AnySeq(self.s_axis.data.shape())),
             *(signal.eq(AnySeq(1)) for signal in (self.s_axis.valid, self.s_axis.user, self.s_axis.last)),
             self.m_axis.ready.eq(AnySeq(1)),
         ]
@@ -142,8 +158,15 @@ class FreeCore:
         m.d.comb += Assume(self.s_axis.valid & self.m_axis.ready & ~ResetSignal(), "nothing pauses")
 
 
-def any_core(width, height, d_lo, d_hi, *, latency=0, warm_up=0, reach=2, border=Border(), tag_bits=8):
+def bank_name(row, column):
+    """Of the line buffer's bank of this parity of slots and columns."""
+    return f"bank_{('even', 'odd')[row]}_row_{('even', 'odd')[column]}_column"
+
+
+def any_core(
+    width, height, d_lo, d_hi, *, latency=0, warm_up=0, reach=2, border=Border(), tag_bits=8, pipeline=COMPACT
+):
     """The `RectifierParameters` of a core around `AnyDatapath`, pixels of at least ``tag_bits``."""
     pixel = next(pixel for pixel in ((8, 1), (10, 1), (12, 1), (16, 1), (8, 3)) if pixel[0] * pixel[1] >= tag_bits)
-    datapath = AnyDatapath(width, height, 3, Window(d_lo, d_hi), latency, reach, warm_up)
+    datapath = AnyDatapath(width, height, 3, Window(d_lo, d_hi), latency, reach, warm_up, pipeline=pipeline)
     return RectifierParameters(datapath, *pixel, border)

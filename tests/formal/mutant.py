@@ -9,7 +9,7 @@ from unittest import mock
 
 @contextmanager
 def mutant(module, old, new):
-    """While this lasts, the methods of the module's classes are those of its source with ``old`` replaced by ``new``.
+    """While this lasts, the module's functions, and the methods of its classes, are those of its source with ``old`` replaced by ``new``.
 
     Parameters
     ----------
@@ -26,6 +26,8 @@ def mutant(module, old, new):
     exec(compile(source.replace(old, new), sound.__file__, "exec"), vars(broken))  # noqa: S102
     with ExitStack() as patches:
         for name, kind in vars(sound).items():
+            if isinstance(kind, FunctionType) and kind.__module__ == module:
+                patches.enter_context(mock.patch.object(sound, name, getattr(broken, name)))
             if isinstance(kind, type) and kind.__module__ == module:
                 for attribute, value in vars(getattr(broken, name)).items():
                     if isinstance(value, (FunctionType, property)) and not attribute.startswith("__"):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from amaranth.back import rtlil
 
+# Of a switch between constants `proc` would make a memory, whose contents induction takes as free.
 _JOB = """\
 [options]
 mode {mode}
@@ -18,6 +19,8 @@ depth {depth}
 smtbmc yices
 [script]
 read_rtlil design.il
+hierarchy -top top
+proc -norom
 prep -flatten -top top
 {memories}[files]
 design.il

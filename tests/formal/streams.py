@@ -1,13 +1,16 @@
 """What the core promises at its streams: beats that stay, frames that are whole, input that never waits, frames
 that drain."""
 
-from amaranth import Cat, Module, Mux, ResetSignal, Signal
+from amaranth import Module, Mux, ResetSignal, Signal
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Assume, Cover, Elaboratable
 
+from hdl.stream.raster import NEAR
+
 from .axi import Stability, VideoFormat
 from .core import FreeCore
-from .lemmas import frames_lemmas, issued_position
+from .control import Control
+from .drain import frames_lemmas
 
 
 class StabilityProof(Elaboratable):
@@ -52,37 +55,42 @@ class ZeroStallProof(Elaboratable):
     def elaborate(self, platform):
         m = Module()
         core, datapath, capture = self._core, self._parameters.datapath, self._core.parts["capture"]
-        lead = self._parameters.line_buffer.window.lead
         core.add_to(m)
         m.submodules.source = source = VideoFormat(core.s_axis, datapath.width, datapath.height, Assume)
+        m.submodules.inner = inner = VideoFormat(core.inner, datapath.width, datapath.height)
         frames = Signal(2)
-        m.d.sync += frames.eq(frames + (source.end_of_frame & ~frames.all()))
+        m.d.sync += frames.eq(frames + (inner.end_of_frame & ~frames.all()))
         m.d.comb += [
             Assume(core.m_axis.ready, "m_axis_tready is high"),
-            Assert(~core.s_axis.valid | core.s_axis.ready, "s_axis_tready is high"),
-            Assert(~core.s_axis.transfer | (capture.write & (capture.x == source.x)), "every pixel is written"),
-            Assert(capture.frame_written == source.end_of_frame, "a frame is complete with its last beat"),
+            Assert(core.s_axis.ready | ~core.inner.valid, "s_axis_tready is high"),
+            Assert(~core.inner.valid | core.inner.ready, "no beat waits"),
+            Assert(~core.inner.valid | (capture.write & (capture.x == inner.x)), "every pixel is written"),
+            Assert(capture.frame_written == inner.end_of_frame, "a frame is complete with its last beat"),
             Cover(frames == 3, "three frames came in"),
         ]
         if self._lemmas:
-            registers = core.registers
-            ahead, x_in, y_in = (registers[name] for name in ("flow.ahead", "capture.x", "capture.y"))
-            x_out, y_out = issued_position(m, core)
-            complete = registers["flow.complete"]
-            m.d.comb += [
-                Assert(fact, f"lemma: {name}")
-                for fact, name in (
-                    (Cat(x_in == source.x, y_in == source.y).all(), "capture is in step with the source"),
-                    (Cat(source.x < datapath.width, source.y < datapath.height).all(), "the source counts its frame"),
-                    (registers["capture.in_frame"] == ((source.x != 0) | (source.y != 0)), "capture is in a frame"),
-                    (ahead == y_in - y_out + Mux(complete, datapath.height, 0), "ahead is the difference of the rows"),
-                    (
-                        (core.warming == 0) | ((y_in == 0) & (x_in + core.warming <= datapath.warm_up)),
-                        "it is warm in time",
-                    ),
-                    ((ahead <= lead) | ((ahead == lead + 1) & (x_in <= x_out)), "the output keeps up with the input"),
-                )
-            ]
+            control = Control(m, core)
+            control.rows_agree()
+            lemma, x_in, y_in = control.lemma, control.x_in, control.y_in
+            lemma((x_in == inner.x) & (y_in == inner.y), "capture is in step with its beats")
+            lemma((inner.x < datapath.width) & (inner.y < datapath.height), "its beats are a frame's")
+            lemma(control.in_frame == ((inner.x != 0) | (inner.y != 0)), "capture is in a frame")
+            if self._parameters.pipeline.ports:
+                held = core.registers["input.held"]
+                beat = core.registers["input.o_valid"]
+                following = inner.following
+                lemma(source.x == Mux(beat, following[0], inner.x), "the source is a beat ahead")
+                lemma(source.y == Mux(beat, following[1], inner.y), "the source is a beat ahead in its rows")
+                lemma(~beat | (held[-2:] == inner.marks), "the beat that is held is marked")
+            else:
+                lemma((source.x == inner.x) & (source.y == inner.y), "the source is in step")
+            lemma(~control.stopped, "the pipeline moves")
+            lemma(
+                (core.warming == 0) | ((y_in == 0) & (x_in + core.warming <= datapath.warm_up)), "it is warm in time"
+            )
+            came, width = control.came * datapath.width + x_in, datapath.width
+            late = control.permitted if self._parameters.pipeline.ahead else 0
+            lemma(came <= (control.lead + 1) * width + control.x + late, "the output keeps up with the input")
         return m
 
 
@@ -103,44 +111,50 @@ class WaitsProof(Elaboratable):
         self._parameters, self._lemmas = parameters, lemmas
         self._core = FreeCore(parameters)
 
+    @property
+    def least(self):
+        """Clocks of cause that there are when a beat waits."""
+        return NEAR - 1 if self._parameters.pipeline.ahead else 1
+
     def elaborate(self, platform):
         m = Module()
-        core, capture = self._core, self._core.parts["capture"]
-        width, height = self._parameters.datapath.width, self._parameters.datapath.height
+        core, capture, ahead = self._core, self._core.parts["capture"], self._parameters.pipeline.ahead
+        width = self._parameters.datapath.width
         core.add_to(m)
         paused, waits = core.m_axis.valid & ~core.m_axis.ready, core.s_axis.valid & ~core.s_axis.ready
+        held = core.inner.valid & ~core.inner.ready
         missing, cause, left = Signal(range(width + 1)), Signal(range(3 * width + 2)), Signal(range(2 * width + 1))
         with m.If(capture.row_written):
-            m.d.comb += missing.eq(Mux(waits & (capture.x == width), 1, width - capture.x - capture.write))
+            m.d.comb += missing.eq(Mux(held & (capture.x == width), 1, width - capture.x - capture.write))
         m.d.comb += [
             cause.eq(left + paused + missing),
-            Assert(~waits | (cause != 0), "no beat waits without a cause"),
-            Cover((left == 1) & waits & ~capture.row_written, "the last cause makes a beat wait"),
+            Assert(~waits | (cause >= Mux(capture.row_written, 1, self.least)), "no beat waits without a cause"),
+            Cover((left == self.least) & waits & ~capture.row_written, "the last cause makes a beat wait"),
         ]
         m.d.sync += left.eq(Mux(cause > 2 * width, 2 * width, cause) - waits)
         if self._lemmas:
-            registers, lead = core.registers, self._parameters.line_buffer.window.lead
-            ahead, x_in, y_in = (registers[name] for name in ("flow.ahead", "capture.x", "capture.y"))
-            in_frame, complete = registers["capture.in_frame"], registers["flow.complete"]
-            x_out, y_out = issued_position(m, core)
-            came, warmed = ahead * width + x_in, self._parameters.datapath.warm_up - core.warming
-            m.d.comb += [
-                Assert(fact, f"lemma: {name}")
-                for fact, name in (
-                    ((x_in <= width) & (y_in < height), "capture counts its frame"),
-                    (left <= 2 * width, "of what is left over two lines' worth is counted"),
-                    (in_frame | ((y_in == 0) & (x_in == 0)), "capture waits for a frame's first beat"),
-                    (ahead == y_in - y_out + Mux(complete, height, 0), "ahead is the difference of the rows"),
-                    ((ahead < lead + 2) | ((ahead == lead + 2) & (x_in == 0)), "a row waits until it may be written"),
-                    ((x_out == 0) | (ahead > lead) | complete, "a row that was begun is given out"),
-                    (came <= (lead + 1) * width + x_out + left, "the output is behind by no more than it has cause"),
-                    ((core.warming == 0) | (registers["valid"] == 0), "nothing is given out before it is warm"),
-                    (
-                        (core.warming == 0) | (left + warmed >= Mux(came > 2 * width, 2 * width, came)),
-                        "what comes before it is warm is missing from lines",
-                    ),
-                )
-            ]
+            control = Control(m, core)
+            control.rows_agree()
+            lemma, lead = control.lemma, control.lead
+            came = Signal(range((lead + 5) * width))
+            m.d.comb += came.eq(control.came * width + control.x_in)
+            lemma(left <= 2 * width, "of what is left over two lines' worth is counted")
+            lemma(
+                (control.x == 0) | control.early | (control.ahead > lead) | control.complete,
+                "a row that was begun is given out",
+            )
+            lemma(
+                came + control.stopped <= (lead + 1) * width + control.x + left + (control.permitted if ahead else 0),
+                "the output is behind by no more than it has cause",
+            )
+            lemma(
+                (core.warming == 0) | ~(core.m_axis.valid | core.registers["valid"].any()),
+                "nothing is given out before it is warm",
+            )
+            lemma(
+                (core.warming == 0) | (left + control.warmed >= Mux(came > 2 * width, 2 * width, came)),
+                "what comes before it is warm is missing from lines",
+            )
         return m
 
 
@@ -167,10 +181,10 @@ class FramesProof(Elaboratable):
         self.capture = self.core.parts["capture"]
         self.out = VideoFormat(self.core.m_axis, self.width, self.height)
         # Frames that are complete at the input and not yet out.
-        self.owed = Signal(range(4))
+        self.owed, self.in_pipeline = Signal(range(4)), Signal(range(4))
         # One frame, any one: how many frames must come out until it has, and for how many clocks it has been complete.
         self.chosen, self.left, self.clocks = Signal(), Signal(range(4)), Signal(range(self.drain_clocks + 1))
-        self.waits_for_issue = Signal()
+        self.waits_for_issue, self.waits_for_other = Signal(), Signal()
         # A beat at the input: for how many clocks it has waited, and the lines that were declared complete meanwhile.
         self.waited, self.declared = Signal(range(self.wait_clocks + 2)), Signal(range(self.height + 2))
 
@@ -178,18 +192,33 @@ class FramesProof(Elaboratable):
     def drain_clocks(self):
         """Bound on the clocks from the completion of a frame at the input to its last beat, while m_axis_tready is
         high."""
-        return self.width * self.height + self.parameters.pipeline_latency + self.parameters.datapath.warm_up
+        frame = self.width * self.height + self.parameters.datapath.warm_up
+        return frame + self.parameters.pipeline_latency + self.late
+
+    @property
+    def late(self):
+        """Clocks that a frame's positions may wait although it is complete: for the permission, which is a register;
+        for the last `NEAR` positions of the frame before, which count as issued while a whole frame comes in if
+        the next one's first row needs all rows but one."""
+        needs_all = self.parameters.line_buffer.window.lead == self.height - 2
+        return (1 + NEAR * needs_all) * self.parameters.pipeline.ahead
 
     @property
     def wait_clocks(self):
         """Bound on the clocks for which a beat at the input waits, while m_axis_tready is high."""
-        return (self.height + 1) * (self.width + 1) + self.parameters.datapath.warm_up
+        lines = (self.height + 1) * self.line_clocks
+        return lines + self.parameters.datapath.warm_up + self.parameters.pipeline.ports
+
+    @property
+    def line_clocks(self):
+        """Of those, for each line."""
+        return self.width + 1 + self.parameters.pipeline.ahead
 
     def elaborate(self, platform):
         m = Module()
         self.core.add_to(m)
         m.submodules.out = self.out
-        s_axis, ready = self.core.s_axis, self.core.m_axis.ready
+        s_axis, inner, ready = self.core.s_axis, self.core.inner, self.core.m_axis.ready
         frame_in, frame_out = self.capture.frame_written, self.out.end_of_frame
 
         m.d.sync += self.owed.eq(self.owed + frame_in - frame_out)
@@ -201,11 +230,16 @@ class FramesProof(Elaboratable):
             m.d.sync += [self.chosen.eq(1), self.left.eq(self.owed + 1 - frame_out)]
         with m.Elif(self.left != 0):
             m.d.sync += [self.left.eq(self.left - frame_out), self.clocks.eq(self.clocks + ready)]
-        datapath = self.core.parts["datapath"]
+        end = self.core.issue & self.core.parts["datapath"].end_of_frame
+        # Frames whose last position was issued, and is not yet out.
+        m.d.sync += self.in_pipeline.eq(self.in_pipeline + end - frame_out)
         with m.If(choose):
-            m.d.sync += self.waits_for_issue.eq(1)
-        with m.Elif(self.core.issue & datapath.end_of_frame):
-            m.d.sync += self.waits_for_issue.eq(0)
+            m.d.sync += [
+                self.waits_for_issue.eq(1),
+                self.waits_for_other.eq((self.owed + 1 - frame_out > self.in_pipeline + 1) & ~end),
+            ]
+        with m.Elif(end):
+            m.d.sync += [self.waits_for_issue.eq(self.waits_for_other), self.waits_for_other.eq(0)]
         m.d.comb += [
             Assert((self.left == 0) | (self.clocks < self.drain_clocks), "a frame drains in time"),
             Cover(
@@ -213,7 +247,8 @@ class FramesProof(Elaboratable):
             ),
         ]
 
-        with m.If(~s_axis.valid | s_axis.ready):
+        m.d.comb += Assert(~s_axis.valid | s_axis.ready | (inner.valid & ~inner.ready), "no beat waits but for one at capture")
+        with m.If(~inner.valid | inner.ready):
             m.d.sync += [self.waited.eq(0), self.declared.eq(0)]
         with m.Else():
             m.d.sync += [

@@ -9,10 +9,10 @@ from contextlib import nullcontext
 from types import SimpleNamespace
 from unittest import mock
 
-from amaranth import Array, Cat, Module, Mux, Signal
+from amaranth import Array, Cat, Const, Module, Mux, Signal
 from amaranth.asserts import AnyConst
 from amaranth.hdl import Assert, Assume, Cover, Elaboratable
-from amaranth.utils import ceil_log2
+from amaranth.utils import ceil_log2, exact_log2
 
 from .core import FreeCore
 from .lemmas import WatchedMemory, window_lemmas
@@ -21,21 +21,56 @@ from .lemmas import WatchedMemory, window_lemmas
 class Position:
     """A raster position between the datapath and the memories.
 
-    Members: ``valid``; ``y``, its row; ``base``, the number of its frame's first source row; ``ends``, its row ends
-    with it; ``u`` and ``v``, its coordinate.
+    Members: ``valid``; ``x`` and ``y``, its column and row; ``base``, the number of its frame's first source row;
+    ``ends``, its row ends with it; ``u`` and ``v``, its coordinate.
     """
 
-    def __init__(self, proof, stage, u=None, v=None):
-        self.valid = Signal(name=f"{stage}_valid")
-        self.ends = Signal(name=f"{stage}_ends")
-        self.y = Signal(range(proof.height), name=f"{stage}_y")
-        self.base = Signal(proof.row_bits, name=f"{stage}_base")
-        self.u = Signal.like(proof.datapath.u, name=f"{stage}_u") if u is None else u
-        self.v = Signal.like(proof.datapath.v, name=f"{stage}_v") if v is None else v
+    def __init__(self, proof, stage, **given):
+        kinds = {
+            "valid": 1,
+            "ends": 1,
+            "x": range(proof.width),
+            "y": range(proof.height),
+            "base": proof.row_bits,
+            "u": proof.datapath.u.shape(),
+            "v": proof.datapath.v.shape(),
+        }
+        for name, shape in kinds.items():
+            setattr(self, name, given[name] if name in given else Signal(shape, name=f"{stage}_{name}"))
 
     def follow(self, other):
         """Statements that copy the other."""
         return [mine.eq(its) for mine, its in zip(vars(self).values(), vars(other).values())]
+
+
+class Taps:
+    """A window on its way from the memories to the interpolator.
+
+    Members: ``valid``; ``odd_row`` and ``odd_column``, where its top left tap comes from; by (dy, dx) of its taps
+    ``inside``, the tap is inside the source, and ``watched``, it is the watched pixel, which came in.
+    """
+
+    def __init__(self, stage):
+        self.valid, self.odd_row, self.odd_column = (
+            Signal(name=f"{stage}_{name}") for name in ("valid", "odd_row", "odd_column")
+        )
+        self.inside, self.watched = (
+            {(dy, dx): Signal(name=f"{stage}_{name}_{dy}_{dx}") for dy in range(2) for dx in range(2)}
+            for name in ("inside", "watched")
+        )
+
+    def bank(self, dy, dx):
+        """Parity of slot and column of the bank that a tap comes from."""
+        return self.odd_row ^ dy, self.odd_column ^ dx
+
+    def follow(self, other):
+        """Statements that copy the other."""
+        return [
+            self.valid.eq(other.valid),
+            self.odd_row.eq(other.odd_row),
+            self.odd_column.eq(other.odd_column),
+            *(mine[at].eq(its[at]) for mine, its in ((self.inside, other.inside), (self.watched, other.watched)) for at in mine),
+        ]
 
 
 class WindowProof(Elaboratable):
@@ -68,42 +103,54 @@ class WindowProof(Elaboratable):
         buffer = parameters.line_buffer
         self.width, self.height, self.window = buffer.width, buffer.height, buffer.window
         self.replicated = parameters.border.mode == "replicate"
-        with mock.patch("hdl.stream.linebuffer.Memory", WatchedMemory) if lemmas else nullcontext():
+        with mock.patch("hdl.stream.bank.Memory", WatchedMemory) if lemmas else nullcontext():
             self.core = FreeCore(parameters)
         self.capture, self.datapath, self.bilinear = (
             self.core.parts[name] for name in ("capture", "datapath", "bilinear")
         )
         self.column_bits, self.row_bits = ceil_log2(self.width), row_number_bits(self.height)
 
-        # Rows that came in, and which row of a frame is coming in.
+        # Rows that came in, those of them that are in the memories, and which row of a frame is coming in.
         self.row_in, self.y_in = Signal(self.row_bits), Signal(range(self.height))
+        self.row_stored, self.just_written = Signal(self.row_bits), Signal()
         # The pixel that is watched; whether it came in, or its line did without it.
         self.row, self.column = Signal(self.row_bits), Signal(self.column_bits)
         self.present, self.missing = Signal(), Signal()
-        # Positions on their way through the datapath, the last one's column; then with coordinates, then at the
-        # memories.
-        self.on_the_way = SimpleNamespace(
-            x=Signal(range(self.width)),
-            valid=Signal(parameters.datapath.latency),
-            ends=Signal(parameters.datapath.latency),
-        )
-        self.reading = Position(self, "reading", self.datapath.u, self.datapath.v)
-        self.fetching = Position(self, "fetching")
-        self.taps_valid = Signal()
+        # Positions on their way through the datapath, the newest first.
+        self.x = Signal(range(self.width))
+        self.on_the_way = [
+            SimpleNamespace(
+                valid=Signal(name=f"way_{stage}_valid"),
+                ends=Signal(name=f"way_{stage}_ends"),
+                x=Signal.like(self.x, name=f"way_{stage}_x"),
+            )
+            for stage in range(parameters.datapath.latency)
+        ]
+        # With coordinates, up to the memories.
+        self.issued = SimpleNamespace(valid=self.core.issue, ends=Signal(), x=self.x)
+        last = vars(([self.issued, *self.on_the_way])[-1])
+        self.reading = Position(self, "reading", u=self.datapath.u, v=self.datapath.v, **last)
+        clocks = buffer.place_latency + buffer.pipeline.address
+        self.windows = [Position(self, f"window_{stage}") for stage in range(1, clocks + 1)]
+        self.placed, self.fetching = self.windows[buffer.place_latency - 1], self.windows[-1]
+        # In the clock in which they are read, and in those after it.
+        self.read = Taps("read")
+        self.taps = [Taps(f"taps_{stage}") for stage in range(clocks + 1, buffer.latency + 1)]
+        self.age = {at: Signal(self.row_bits, name=f"age_{at[0]}_{at[1]}") for at in self.read.inside}
 
     def elaborate(self, platform):
         m = Module()
-        self.core.add_to(m, data=self.tag(self.capture.x, self.row_in))
+        self.core.add_to(m)
         if self._steady:
             self.core.add_steady_streams_to(m)
         self._follow_input(m)
         self._follow_output(m)
-        expected = self._expect(m)
-        self._check_taps(m, expected)
+        self._expect(m)
+        self._check_taps(m)
         if self._with_lemmas:
             window_lemmas(m, self)
         if self._with_covers:
-            self._cover(m, expected)
+            self._cover(m)
         return m
 
     def tag(self, column, row):
@@ -116,6 +163,10 @@ class WindowProof(Elaboratable):
         return Mux(index < 0, 0, Mux(index > size - 1, size - 1, index))
 
     def _follow_input(self, m):
+        # Nothing but the pixels' way depends on them, so each may be told which it is before its place is known.
+        pixel = self.core.parts["line_buffer"].pixel
+        told = pixel[: self.column_bits + self.row_bits] == self.tag(self.capture.x, self.row_in)
+        m.d.comb += Assume(~self.capture.write | told, "pixels tell which they are")
         m.d.comb += [self.row.eq(AnyConst(self.row_bits)), self.column.eq(AnyConst(self.column_bits))]
         in_row = self.row_in == self.row
         comes_in = self.capture.write & in_row & (self.capture.x == self.column)
@@ -129,19 +180,22 @@ class WindowProof(Elaboratable):
                 m.d.sync += self.missing.eq(1)
             with m.If(self.row == (self.row_in + 1)[: self.row_bits]):
                 m.d.sync += [self.present.eq(0), self.missing.eq(0)]  # the numbers have come round
+        if self.parameters.pipeline.writes:
+            m.d.sync += self.just_written.eq(self.capture.row_written)
+        m.d.comb += self.row_stored.eq(self.row_in - self.just_written)
 
     def _follow_output(self, m):
-        way, reading, datapath = self.on_the_way, self.reading, self.datapath
-        issue = self.core.issue
-        ends = issue & (way.x == self.width - 1)
+        reading, issue = self.reading, self.core.issue
+        m.d.comb += self.issued.ends.eq(issue & (self.x == self.width - 1))
         with m.If(issue):
-            m.d.sync += way.x.eq(Mux(ends, 0, way.x + 1))
-        valid, ends = Cat(issue, way.valid), Cat(ends, way.ends)
-        m.d.comb += [reading.valid.eq(valid[-1]), reading.ends.eq(ends[-1])]
-        with m.If(datapath.enable):
-            m.d.sync += [way.valid.eq(valid), way.ends.eq(ends)]
-            m.d.sync += self.fetching.follow(reading)
-            m.d.sync += self.taps_valid.eq(self.fetching.valid)
+            m.d.sync += self.x.eq(Mux(self.issued.ends, 0, self.x + 1))
+        with m.If(self.datapath.enable):
+            for before, after in zip([self.issued, *self.on_the_way], self.on_the_way):
+                m.d.sync += [getattr(after, name).eq(its) for name, its in vars(before).items()]
+            for before, after in zip([reading, *self.windows], self.windows):
+                m.d.sync += after.follow(before)
+            for before, after in zip([self.read, *self.taps], self.taps):
+                m.d.sync += after.follow(before)
             with m.If(reading.ends):
                 m.d.sync += reading.y.eq(reading.y + 1)
                 with m.If(reading.y == self.height - 1):
@@ -161,110 +215,116 @@ class WindowProof(Elaboratable):
             facts.append(~(position.valid & is_read) | ((offset >= self.window.d_lo) & (offset <= self.window.d_hi)))
         return Cat(facts).all()
 
-    def _expect(self, m):
-        """What there should be at the taps, by (dy, dx): registers in step with them."""
-        position, f = self.fetching, self.parameters.datapath.fraction_bits
-        weighs = {}
+    def whole(self, position):
+        """Of a window, by axis: the first of its two places, the fraction, and which of them are inside the source; as
+        the line buffer has them."""
+        f, found = self.parameters.datapath.fraction_bits, {}
         for axis, coordinate, size in (("x", position.u, self.width), ("y", position.v, self.height)):
-            fraction, asked = Signal(f, name=f"fraction_{axis}"), Signal(f, name=f"asked_f{axis}")
-            between = (coordinate >= 0) & (coordinate < (size - 1) << f) if self.replicated else 1
-            m.d.comb += fraction.eq(Mux(between, coordinate[:f], 0))
-            with m.If(self.datapath.enable):
-                m.d.sync += asked.eq(fraction)
+            place, fraction = coordinate >> f, coordinate[:f]
+            inside = [(place >= -tap) & (place < size - tap) for tap in range(2)]
+            if self.replicated:
+                fraction = Mux((coordinate >= 0) & (coordinate < (size - 1) << f), fraction, 0)
+                place, inside = self.clamped(place, size), [1, 1]
+            found[axis] = place, fraction, inside
+        return found
+
+    def _expect(self, m):
+        """What the window that is being read is to hold."""
+        placed, position, read = self.placed, self.fetching, self.read
+        for axis, (_, fraction, _) in self.whole(placed).items():
             m.d.comb += Assert(
-                ~self.taps_valid | (getattr(self.bilinear, f"f{axis}") == asked),
+                ~placed.valid | (getattr(self.bilinear, f"f{axis}") == fraction),
                 f"the fraction in {axis} is the coordinate's",
             )
-            # Only where the border is replicated may a tap be anything if it has no weight.
-            weighs[axis] = 1, fraction != 0 if self.replicated else 1
+        odd = self.bilinear.odd_row, self.bilinear.odd_column
+        if self.placed is not self.fetching:
+            before, odd = odd, (Signal(name="odd_row"), Signal(name="odd_column"))
+            with m.If(self.datapath.enable):
+                m.d.sync += [mine.eq(its) for mine, its in zip(odd, before)]
+        m.d.comb += [read.valid.eq(position.valid), Cat(read.odd_row, read.odd_column).eq(Cat(odd))]
 
-        expected = {}
-        for dy in range(2):
-            for dx in range(2):
-                expected[dy, dx] = tap = ExpectedTap(self, f"tap ({dy}, {dx})")
-                row, column = (position.v >> f) + dy, (position.u >> f) + dx
-                inside = (row >= 0) & (row < self.height) & (column >= 0) & (column < self.width)
-                if self.replicated:
-                    row, column = self.clamped(row, self.height), self.clamped(column, self.width)
-                    inside = weighs["x"][dx] & weighs["y"][dy]
-                number = (position.base + row)[: self.row_bits]
-                watched, age = inside & (number == self.row) & (column == self.column), Signal.like(tap.age)
-                m.d.comb += [
-                    age.eq(self.row_in - number),
-                    Assert(
-                        ~(position.valid & inside) | ((age != 0) & ~age[-1]), f"{tap.name} is read from a complete row"
-                    ),
-                    Assert(
-                        ~(position.valid & watched) | self.present | self.missing,
-                        f"{tap.name} is read from a row that came in",
-                    ),
-                ]
-                with m.If(self.datapath.enable):
-                    m.d.sync += [tap.inside.eq(inside), tap.watched.eq(watched & self.present), tap.age.eq(age)]
-        return expected
+        whole = self.whole(position)
+        for (dy, dx), inside in read.inside.items():
+            (column, weight_x, inside_x), (row, weight_y, inside_y) = (
+                (place + tap, fraction != 0 if tap else 1, inside[tap])
+                for (place, fraction, inside), tap in ((whole["x"], dx), (whole["y"], dy))
+            )
+            is_inside = inside_x & inside_y
+            if self.replicated:
+                # Only where the border is replicated may a tap be anything if it has no weight.
+                is_inside = weight_x & weight_y
+            number, tap = (position.base + row)[: self.row_bits], f"tap ({dy}, {dx})"
+            watched, age = Signal(name=f"watched_{dy}_{dx}"), self.age[dy, dx]
+            m.d.comb += [
+                inside.eq(is_inside),
+                watched.eq(is_inside & (number == self.row) & (column == self.column)),
+                read.watched[dy, dx].eq(watched & self.present),
+                age.eq(self.row_stored - number),
+                Assert(~(position.valid & inside) | ((age != 0) & ~age[-1]), f"{tap} is read from a complete row"),
+                Assert(
+                    ~(position.valid & watched) | self.present | self.missing, f"{tap} is read from a row that came in"
+                ),
+            ]
 
-    def _check_taps(self, m, expected):
-        valid = self.taps_valid
+    def _check_taps(self, m):
+        taps = self.taps[-1]
         bits, channels = self.parameters.pixel_bits, self.parameters.channels
         border = sum(self.parameters.border.value << (bits * channel) for channel in range(channels))
-        collided = self._collisions(m)
-        for (dy, dx), tap in expected.items():
-            row, column = self.bilinear.odd_row ^ dy, self.bilinear.odd_column ^ dx
-            given = self.bilinear.taps[row][column]
+        collided = self._collisions()
+        for dy, dx in taps.inside:
+            row, column = taps.bank(dy, dx)
+            given, tap = self.bilinear.taps[row][column], f"tap ({dy}, {dx})"
+            told = given[: self.column_bits + self.row_bits] == self.tag(self.column, self.row)
+            row, column = self.read.bank(dy, dx)
             m.d.comb += [
+                Assert(~(taps.valid & taps.watched[dy, dx]) | told, f"{tap} is the wanted pixel"),
                 Assert(
-                    ~(valid & tap.watched) | (given == self.tag(self.column, self.row)),
-                    f"{tap.name} is the wanted pixel",
-                ),
-                Assert(
-                    ~(valid & tap.inside & collided[Cat(column, row)]), f"{tap.name} is not read while it is written"
+                    ~(self.read.valid & self.read.inside[dy, dx] & collided[Cat(column, row)]),
+                    f"{tap} is not read while it is written",
                 ),
             ]
             if not self.replicated:
                 m.d.comb += Assert(
-                    ~(valid & ~tap.inside) | (given == border), f"{tap.name} outside is the border's value"
+                    ~(taps.valid & ~taps.inside[dy, dx]) | (given == border), f"{tap} outside is the border's value"
                 )
 
-    def _collisions(self, m):
-        """For each bank, whether the address read from was written in the same clock; in step with the taps."""
-        collided = []
+    def _collisions(self):
+        """For each bank, whether the address that is read is written in this clock."""
+        collided, layout = [], self.parameters.line_buffer.bank
         for row in range(2):
             for column in range(2):
-                ports = [(memory.read_ports[-1], memory.write_ports[-1]) for memory in self.core.bank(row, column)]
-                collided.append(Signal(name=f"collided_{row}_{column}"))
-                with m.If(self.datapath.enable):
-                    m.d.sync += collided[-1].eq(
-                        Cat(read.en & write.en & (write.addr == read.addr) for read, write in ports).any()
-                    )
+                chosen = Const(0)
+                if layout.stack > 1:
+                    address = self.core.registers[f"line_buffer.address_{row}_{column}"]
+                    chosen = address[exact_log2(layout.words) :]
+                ports = [
+                    (index, memory.read_ports[-1], memory.write_ports[-1])
+                    for index, memories in enumerate(self.core.bank(row, column))
+                    for memory in memories
+                ]
+                collided.append(
+                    Cat(
+                        (chosen == index) & read.en & write.en & (write.addr == read.addr)
+                        for index, read, write in ports
+                    ).any()
+                )
         return Array(collided)
 
-    def _cover(self, m, expected):
-        valid = self.taps_valid
-        later = Signal()  # not the first frame
+    def _cover(self, m):
+        taps, later = self.taps[0], Signal()  # not the first frame
+        age = Signal(self.row_bits)
         with m.If(self.datapath.enable):
-            m.d.sync += later.eq(self.fetching.base != 0)
-        top, bottom = expected[0, 0], expected[1, 1]
+            m.d.sync += [later.eq(self.fetching.base != 0), age.eq(self.age[0, 0])]
+        top, bottom = (taps.valid & taps.watched[at] for at in ((0, 0), (1, 1)))
         oldest = self.window.lead + 2 - self.window.d_lo
         m.d.comb += [
-            Cover(valid & top.watched & later, "a watched pixel of the second frame is a top left tap"),
-            Cover(valid & bottom.watched & ~top.inside & later, "of a window at the edge one tap is inside"),
-            Cover(valid & top.watched & (top.age >= oldest), "the oldest row that is kept is read"),
-            Cover(
-                valid & top.watched & (self.row_in != self.y_in) & ~later, "a frame is read while the next one comes in"
-            ),
-            Cover(self.core.s_axis.valid & ~self.capture.may_write, "a row waits until it may be written"),
-            Cover(valid & top.watched & ~self.datapath.enable, "a window waits at the output"),
+            Cover(top & later, "a watched pixel of the second frame is a top left tap"),
+            Cover(bottom & ~taps.inside[0, 0] & later, "of a window at the edge one tap is inside"),
+            Cover(top & (age >= oldest), "the oldest row that is kept is read"),
+            Cover(top & (self.row_in != self.y_in) & ~later, "a frame is read while the next one comes in"),
+            Cover(self.core.inner.valid & ~self.capture.may_write, "a row waits until it may be written"),
+            Cover(top & ~self.datapath.enable, "a window waits at the output"),
         ]
-
-
-class ExpectedTap:
-    """What a tap should be: ``inside`` the source, ``watched`` and there; ``age``, completed rows since, when it
-    was read."""
-
-    def __init__(self, proof, name):
-        self.name = name
-        self.inside, self.watched = (Signal(name=f"{name} {what}".replace(" ", "_")) for what in ("inside", "watched"))
-        self.age = Signal(proof.row_bits, name=f"{name} age".replace(" ", "_"))
 
 
 def row_number_bits(height):
