@@ -114,12 +114,15 @@ class Rectifier(wiring.Component):
     Source pixels go to the line buffer; once the rows are there that an output row needs, its positions are issued one
     a clock, turned into source coordinates by the datapath, into a 2x2 window by the line buffer and into a pixel by
     the interpolator. The whole read side moves on unless a pixel waits at ``m_axis``; the write side does not wait for
-    it except through `RowFlow`. ``s_axis_tready`` does not depend on ``m_axis_tready`` within a clock.
+    it except through `RowFlow`. ``s_axis_tready`` does not depend on ``m_axis_tready`` within a clock; with
+    ``pipeline.ports`` no output port depends on any input port.
 
     Throughput: 1 px/clock. For input in whole frames, with or without blanking, and an output that has taken every beat
     at once since the reset, ``s_axis_tready`` is never low. Whatever comes in and however the output pauses: counted
     from the reset, beats at ``s_axis`` wait for no more clocks than beats at ``m_axis`` waited and pixels, or the tlast
-    at a frame's end, were missing from lines and frames that were too short. (Proved: `ZeroStallProof`, `WaitsProof`.)
+    at a frame's end, were missing from lines and frames that were too short. There is no line of slack: the first of
+    these clocks may be the one after the pause, less what blanking made up for. (Proved for every pipeline:
+    `ZeroStallProof`, `WaitsProof`.)
     Latency: `RectifierParameters.latency_cycles`. A frame drains without further input. Lines and frames that are too
     short or too long: see `Capture`.
 
