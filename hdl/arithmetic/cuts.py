@@ -33,8 +33,11 @@ class Pipeline:
         Behind the choice between block RAMs and border.
     writes : bool
         Before the write ports of the line buffer.
-    products : bool
-        Within products and between the adders that sum them.
+    result : bool
+        With ``ports``: one behind the interpolator too, and not only in the output's.
+    products : int or None
+        Within products and between the adders that sum them: how many adders may follow one on the other within a
+        clock. None: all of them.
     narrow : bool
         No register, but a slice of the line buffer's memories for each bit: more block RAMs, and fewer look-up tables
         to choose from.
@@ -50,20 +53,14 @@ class Pipeline:
     blocks: bool = False
     taps: bool = False
     writes: bool = False
-    products: bool = False
+    result: bool = False
+    products: int | None = None
     narrow: bool = False
 
     @property
     def lean(self) -> "Pipeline":
         """The same with fewer look-up tables, for more block RAMs and flip-flops."""
         return replace(self, interpolator=RADIX4, narrow=True)
-
-    @property
-    def adders(self) -> int | None:
-        """Adders of a product that follow one on the other within a clock; None: all of them."""
-        if not self.products:
-            return None
-        return 1 if self.interpolator == TREE else 2
 
 
 COMPACT = Pipeline("compact", "as few registers as there can be")
@@ -76,20 +73,17 @@ BALANCED = Pipeline(
     ring=True,
     taps=True,
     writes=True,
-    products=True,
+    products=2,
 )
-FAST = Pipeline(
-    "fast",
-    "registers wherever there may be one",
+FAST = replace(
+    BALANCED,
+    name="fast",
+    summary="registers wherever there may be one",
     interpolator=TREE,
-    ports=True,
-    ahead=True,
-    ring=True,
     address=True,
     blocks=True,
-    taps=True,
-    writes=True,
-    products=True,
+    result=True,
+    products=1,
 )
 PIPELINES = {pipeline.name: pipeline for pipeline in (COMPACT, BALANCED, FAST)}
 

@@ -29,12 +29,12 @@ class Products:
     @property
     def in_blocks(self):
         """Whether the registers are those of DSP blocks."""
-        return self.dsp and self.pipeline.products
+        return self.dsp and bool(self.pipeline.products)
 
     @property
     def in_rows(self):
         """Whether there are registers between rows of adders."""
-        return self.pipeline.products and not self.dsp
+        return bool(self.pipeline.products) and not self.dsp
 
     def product(self, m, enable, name, a, b, constant, shape, dropped=None):
         """The register ``name`` of a*b + constant without its last ``dropped`` bits; late by `product_clocks`.
@@ -137,17 +137,17 @@ class Products:
         to row, the sum, and its bits that are final."""
         lut = ff = 0
         for left in range(1, clocks):
-            done = (clocks - left) * self.pipeline.adders
+            done = (clocks - left) * self.pipeline.products
             ff += kept + max(used - 2 * done, 0) + total - 2 * done * (not kept)
-            final = waiting(round(places * self.pipeline.adders), left)
+            final = waiting(round(places * self.pipeline.products), left)
             lut, ff = lut + final[0], ff + final[1]
         return lut, ff
 
     def _clocks(self, adders):
-        return -(-adders // self.pipeline.adders) if self.in_rows else 1
+        return -(-adders // self.pipeline.products) if self.in_rows else 1
 
     def _registers(self, m, enable):
-        return Registers(Stages(m, enable), self.pipeline.adders) if self.in_rows else None
+        return Registers(Stages(m, enable), self.pipeline.products) if self.in_rows else None
 
 
 def rounding(step, a_bits, b_bits):

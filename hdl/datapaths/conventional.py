@@ -54,7 +54,7 @@ class Conventional(Projective):
         divider, forms = self.divider_cost, self.form_bits
         if self.dsp:
             # The blocks have registers for most of what is multiplied and added.
-            return Cost(lut=divider.lut + forms, ff=divider.ff + forms * self.pipeline.products, dsp=self.blocks)
+            return Cost(lut=divider.lut + forms, ff=divider.ff + forms * bool(self.pipeline.products), dsp=self.blocks)
         lut, ff = divider.lut + 4 * forms, divider.ff + 2 * forms
         for _, size, coefficient, start in chain(*self.terms.values()):
             if self.pipeline.products:

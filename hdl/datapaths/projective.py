@@ -106,13 +106,13 @@ class Projective(Datapath):
     def division_clocks(self):
         """Clocks from the linear forms to ``u`` and ``v``: the dividers' and, where products have registers within, the
         one of the registers behind the subtraction of the biases."""
-        return self.quotient_bits + self.pipeline.products
+        return self.quotient_bits + bool(self.pipeline.products)
 
     @property
     def divider_cost(self):
         """`Cost` of the dividers and of the registers behind them."""
         stages, width = self.quotient_bits, self.formats["divisor"].width
-        coordinates = sum(q.width for q in self.coordinate_formats) * self.pipeline.products
+        coordinates = sum(q.width for q in self.coordinate_formats) * bool(self.pipeline.products)
         return Cost(lut=stages * 2 * (width + 2), ff=stages * (3 * width) - width + coordinates)
 
     @property

@@ -11,7 +11,12 @@ from hdl.stream.blend import BLENDS
 
 def latency(fraction_bits, pipeline):
     """Enabled clocks from the taps to the pixel of a `Bilinear`."""
-    return 2 * BLENDS[pipeline.interpolator](fraction_bits).latency - pipeline.ports
+    return 2 * BLENDS[pipeline.interpolator](fraction_bits).latency - 1 + _is_registered(pipeline)
+
+
+def _is_registered(pipeline):
+    """Whether the pixel is."""
+    return pipeline.result or not pipeline.ports
 
 
 class Bilinear(wiring.Component):
@@ -33,7 +38,7 @@ class Bilinear(wiring.Component):
     lead : int
         Enabled clocks by which what is said of the window comes before its taps.
     pipeline : Pipeline
-        Its interpolator; with ``ports`` the last register is left to `OutputSkid`.
+        Its interpolator; with ``ports`` the last register is left to `OutputSkid`, unless there is a ``result``'s.
 
     Members
     -------
@@ -94,6 +99,6 @@ class Bilinear(wiring.Component):
         rows = [stages.after(f"blended_{index // 2}_{index % 2}", total) for index, total in enumerate(blended)]
         totals = blend.totals(m, stages, "column", list(zip(rows[::2], rows[1::2])), row_weights, half=False)
         for channel, total in zip(channels, totals):
-            pixel = stages.after(f"pixel_{channel}", total[2 * f :], not self._pipeline.ports)
+            pixel = stages.after(f"pixel_{channel}", total[2 * f :], _is_registered(self._pipeline))
             m.d.comb += self.pixel.word_select(channel, bits).eq(pixel)
         return m

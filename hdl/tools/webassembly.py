@@ -1,10 +1,14 @@
 """Where the programs that we run, which are WebAssembly, keep what they are compiled to."""
 
 import os
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 import platformdirs
+
+from hdl.errors import ToolError
 
 VARIABLE = "YOWASP_CACHE_DIR"
 
@@ -16,6 +20,44 @@ def environment():
         return dict(os.environ)
     # Amaranth's Yosys knows no variable of its own.
     return {**os.environ, **dict.fromkeys((VARIABLE, "XDG_CACHE_HOME"), str(Path(moved).absolute()))}
+
+
+def run(name, start, arguments, directory, log, keep=None):
+    """Run a program in ``directory``, where all its files must be: it sees no others.
+
+    Parameters
+    ----------
+    name : str
+        Of the program, for messages.
+    start : str
+        The Python that starts it; there is no executable to rely on, since it need not be on the PATH.
+    arguments : list of str
+    directory : Path
+    log : str
+        The file in ``directory`` that it writes its log to.
+    keep : Path or None
+        Where to put the log of a run that fails.
+
+    Raises
+    ------
+    ToolError
+        With the program's own error line and the log's path.
+    """
+    process = subprocess.run(
+        [sys.executable, "-c", start, *arguments],
+        cwd=directory,
+        env=environment(),
+        capture_output=True,
+        encoding="utf-8",
+        errors="replace",
+        check=False,
+    )
+    if process.returncode:
+        log = directory / log
+        if keep and log.exists():
+            log = log.replace(keep)
+        where = f" (log: {log})" if log.exists() else ""
+        raise ToolError(f"{name}: {problem(process.stdout + process.stderr)}{where}")
 
 
 def problem(output):
