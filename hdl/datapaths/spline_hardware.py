@@ -5,6 +5,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.memory import Memory
 from amaranth.utils import ceil_log2, exact_log2
 
+from hdl.arithmetic.cost import block_width
 from hdl.arithmetic.cuts import Stages
 from hdl.datapaths.spline_fit import LEAST_CELL
 
@@ -101,23 +102,25 @@ class SplineCoordinates(wiring.Component):
 
         # The words.
         ram_shape = data.StructLayout({"value": p.value_format.shape, "slope": p.slope_format.shape})
-        m.submodules.ram = ram = _memory(ram_shape, p.ram_contents(), "ram_style")
-        m.submodules.rom = rom = _memory(p.bend_format.shape, p.rom_contents(), "rom_style")
-        ram_read, ram_write, rom_read = ram.read_port(), ram.write_port(), rom.read_port()
+        words = p.ram_contents()
+        style = _style("ram_style", len(words), Shape.cast(ram_shape).width)
+        m.submodules.ram = ram = Memory(shape=ram_shape, depth=len(words), init=words, attrs=style)
+        rom_reads = self._rom(m)
+        ram_read, ram_write = ram.read_port(), ram.write_port()
         word = Signal(ram_shape, reset_less=True)
         bend = Signal(p.bend_format.shape, reset_less=True)
         m.d.comb += [
             ram_read.en.eq(moves & reads),
             ram_read.addr.eq(Cat(serves_v, word_column, later)),
-            rom_read.en.eq(moves & reads),
-            rom_read.addr.eq(cell_row * p.rom_pitch + Cat(serves_v, word_column)),
+            *(read.en.eq(moves & reads) for read in rom_reads),
+            *(read.addr.eq(cell_row * p.rom_pitch + Cat(serves_v, word_column)) for read in rom_reads),
             ram_write.en.eq(moves & writes),
             ram_write.addr.eq(Cat(~serves_v, word_column, Const(1))),
             ram_write.data.value.eq(word.value + word.slope),
             ram_write.data.slope.eq(word.slope + Mux(bends, bend, 0)),
         ]
         with m.If(step):
-            m.d.sync += [word.eq(ram_read.data), bend.eq(rom_read.data)]
+            m.d.sync += [word.eq(ram_read.data), bend.eq(Cat(read.data for read in rom_reads))]
 
         # The increments, each with the remainder of the one before.
         remainders = {
@@ -164,6 +167,21 @@ class SplineCoordinates(wiring.Component):
         ]
         return m
 
+    def _rom(self, m):
+        """Read ports of the memories of the bends, lowest bits first: one, or in slices of a block RAM each, so that
+        there is nothing between those and the register behind them."""
+        p = self._parameters
+        contents, width = p.rom_contents(), p.bend_format.width
+        slice_width = block_width(len(contents)) if p.pipeline.blocks else width
+        style, reads = _style("rom_style", len(contents), width), []
+        for low in range(0, width, slice_width):
+            bits = min(slice_width, width - low)
+            words = [(word >> low) % 2**bits for word in contents]
+            memory = Memory(shape=bits, depth=len(words), init=words, attrs=style)
+            m.submodules["rom" if bits == width else f"rom_{low}"] = memory
+            reads.append(memory.read_port())
+        return reads
+
     def _column(self, m):
         """The position's column in the cells: from the first one's left edge."""
         p = self._parameters
@@ -179,8 +197,6 @@ class SplineCoordinates(wiring.Component):
         return column
 
 
-def _memory(shape, contents, style):
-    """A memory in block RAM; if it is small, tools put it into look-up tables."""
-    bits = len(contents) * Shape.cast(shape).width
-    attributes = {style: "block"} if bits > DISTRIBUTED_BITS else {}
-    return Memory(shape=shape, depth=len(contents), init=contents, attrs=attributes)
+def _style(style, words, width):
+    """Attributes of a memory that shall be in block RAM; if it is small, tools put it into look-up tables."""
+    return {style: "block"} if words * width > DISTRIBUTED_BITS else {}
