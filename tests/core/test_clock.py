@@ -1,9 +1,13 @@
+import json
+from importlib import resources
+
 import pytest
 
 from hdl import calibration
 from hdl.arithmetic.cuts import PIPELINES
 from hdl.core import clock
 from hdl.core.build import Options, build
+from hdl.datapaths import DATAPATHS
 from hdl.errors import InputError
 from hdl.geometry.rectification import rectify
 
@@ -21,6 +25,13 @@ ROWS = [
     row("spline", "balanced", 1920, 6.0, 95.0, lens=True),
     row("proposed", "balanced", 1920, 5.0, 90.0),
 ]
+
+
+def test_the_record_has_cores_of_every_pipeline():
+    rows = json.loads(resources.files("hdl.core").joinpath(clock.RECORD).read_text())["rows"]
+    assert {row["pipeline"] for row in rows} == PIPELINES.keys()
+    assert {row["datapath"] for row in rows if row["pipeline"] == Options.pipeline} == DATAPATHS.keys()
+    assert all(kind.mhz(row) > 1 for kind in clock.FAMILIES.values() for row in rows if row[kind.name])
 
 
 @pytest.fixture(autouse=True)
