@@ -51,7 +51,7 @@ def test_every_pixel_format(pixel_bits, channels, fraction_bits, pipeline):
 
 
 @pytest.mark.parametrize(
-    "name, pipeline", [("accumulate", BALANCED), ("proposed", FAST)], ids=lambda value: getattr(value, "name", value)
+    "name, pipeline", [("spline", BALANCED), ("proposed", FAST)], ids=lambda value: getattr(value, "name", value)
 )
 def test_many_frames(name, pipeline):
     # 11 rows a frame in a ring of 8.
