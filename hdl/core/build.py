@@ -151,7 +151,8 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
     refuse_early(view, options)
     considered: list[Considered] = []
     if options.datapath == AUTO:
-        considered = choose(view, options.fraction_bits, options.max_error, options.optimise, progress, options.dsp)
+        asked = options.fraction_bits, options.max_error, options.optimise
+        considered = choose(view, *asked, progress, options.dsp, PIPELINES[options.pipeline])
         datapath = considered[0].datapath
         assert datapath  # of all candidates the chosen one has it
     else:

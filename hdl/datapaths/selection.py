@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.cuts import COMPACT, Pipeline
 from hdl.datapaths import DATAPATHS, Datapath
 from hdl.datapaths.base import check_budget, fitted_budget
 from hdl.errors import BudgetError, InputError
@@ -36,12 +38,18 @@ class Considered:
 def fit(name: str, view: View, fraction_bits: int, max_error: float | None, dsp: bool = True) -> Datapath:
     """`Datapath.fit` of the datapath ``name``, whose multiplications, where it has any, become ``dsp`` or adders."""
     try:
-        datapath = DATAPATHS[name].fit(view, fraction_bits, max_error)
+        datapath = _fitted(name, view, fraction_bits, max_error)
     except BudgetError as refusal:
         if max_error is None:
             raise BudgetError(_default(refusal.budget), refusal.reached, refusal.who) from None
         raise
     return datapath.with_dsp(dsp)
+
+
+@lru_cache(maxsize=1)
+def _fitted(name: str, view: View, fraction_bits: int, max_error: float | None) -> Datapath:
+    """The same parameters serve hardware with DSP blocks and without, and of every pipeline."""
+    return DATAPATHS[name].fit(view, fraction_bits, max_error)
 
 
 def _default(budget: float) -> str:
@@ -56,6 +64,7 @@ def choose(
     goal: str,
     progress: Callable[[str], object] = lambda step: None,
     dsp: bool = True,
+    pipeline: Pipeline = COMPACT,
 ) -> list[Considered]:
     """The candidates for ``view``: those within the budget in the order of their cost, the first one chosen, then the
     others.
@@ -71,6 +80,8 @@ def choose(
     progress : callable
     dsp : bool
         See `fit`.
+    pipeline : Pipeline
+        Of all of them; it decides on registers, and so on the cost.
 
     Returns
     -------
@@ -90,7 +101,7 @@ def choose(
             continue
         progress(f"trying {name}")
         try:
-            datapath = fit(name, view, fraction_bits, budget, dsp)
+            datapath = fit(name, view, fraction_bits, budget, dsp).with_pipeline(pipeline)
         except BudgetError as refusal:
             others.append(Considered(name, None, refusal.reached, None, f"off by {refusal.reached:.3g} px"))
             continue
