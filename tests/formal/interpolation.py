@@ -11,7 +11,7 @@ from .opened import Opened
 
 
 class BilinearProof(Elaboratable):
-    """Without pauses the pixel is (sum of tap * weight + half) >> 2*fraction_bits, of the taps wherever their banks are.
+    """Without pauses the pixel is (sum of tap * weight + half) >> 2*fraction_bits, wherever the taps come from.
 
     By k-induction with k = `depth`: there is no loop, so that the pixel is a function of the inputs of so many clocks.
 

@@ -111,7 +111,8 @@ def position_lemmas(m, proof, control, base_out):
 
 def _row_ahead_lemmas(m, proof, lemma, filled):
     """Of what the ring computes of the next row: it is right two clocks later, and a row has more positions."""
-    reading, registers, rows, height = proof.reading, proof.core.registers, proof.parameters.line_buffer.rows, proof.height
+    reading, registers, height = proof.reading, proof.core.registers, proof.height
+    rows = proof.parameters.line_buffer.rows
     first, offset, passes_end, following = (
         registers[f"line_buffer.{name}"] for name in ("first", "offset", "passes_end", "following")
     )
@@ -225,7 +226,9 @@ class PlaceLemmas:
         for dy, dx in taps.inside:
             bank = Cat(*reversed(taps.bank(dy, dx)))
             if behind >= 0:
-                lemma(~taps.watched[dy, dx] | taps.inside[dy, dx], f"what is watched of ({dy}, {dx}) is inside, {stage}")
+                lemma(
+                    ~taps.watched[dy, dx] | taps.inside[dy, dx], f"what is watched of ({dy}, {dx}) is inside, {stage}"
+                )
             banks = [(row, column) for row in range(2) for column in range(2)]
             if 0 <= stage - begin < clocks:
                 known = [self._register(f"inside_{r}_{c}", stage - begin, clocks) for r, c in banks]

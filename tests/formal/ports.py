@@ -4,7 +4,7 @@ from amaranth import Module, Signal
 from amaranth.asserts import AnySeq
 from amaranth.hdl import Assert, Assume, Cover, Elaboratable
 
-from hdl.stream.ports import InputRegister, OutputSkid
+from hdl.stream.ports import InputRegister
 
 from .axi import Stability, Stream
 from .opened import Opened

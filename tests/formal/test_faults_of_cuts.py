@@ -7,7 +7,6 @@ from formal.configurations import (
     WIDTHS,
     bilinear,
     capture,
-    frames,
     input_register,
     output_skid,
     pauses,
@@ -35,7 +34,7 @@ FAULTS = {
         "(self.near_end, 0)",
         windows(NARROW, 4, 0, 1, steady=False, pipeline=BALANCED),
         20,
-        "tap (0, 0) is not read while it is written",
+        "tap (0, 0) is read from a complete row",
     ),
     "a row counts as issued too late for the next one": (
         "hdl.stream.raster",
@@ -49,8 +48,8 @@ FAULTS = {
         "hdl.stream.issue",
         "Mux(self.step & self.end_of_line, self.may_issue, permitted | self.may_issue)",
         "permitted | self.may_issue",
-        windows(NARROW, 4, 0, 1, pipeline=BALANCED),
-        26,
+        windows(NARROW, 4, 0, 1, steady=False, pipeline=BALANCED),
+        20,
         "tap (0, 1) is read from a complete row",
     ),
     "the permission comes a row late": (
@@ -69,14 +68,6 @@ FAULTS = {
         30,
         "no beat waits without a cause",
     ),
-    "a frame counts as issued with each row": (
-        "hdl.stream.issue",
-        "self.issue & self.near_end & self.last_row",
-        "self.issue & self.near_end",
-        balanced(frames),
-        40,
-        "a frame drains in time",
-    ),
     "the next row's place forgets that a frame ended": (
         "hdl.stream.ring",
         "Mux(last_row, self._height % 2**bits, 0)",
@@ -91,7 +82,7 @@ FAULTS = {
         "(place + 1) // 2 % (self._rows // 2)",
         windows(NARROW, 3, 0, 1, pipeline=BALANCED),
         26,
-        "tap (1, 1) is the wanted pixel",
+        "tap (1, 1) is not read while it is written",
     ),
     "a pixel is written without its register": (
         "hdl.stream.linebuffer",
@@ -171,7 +162,7 @@ FAULTS = {
         "self.i_ready.eq(1)",
         input_register,
         8,
-        "beats come out as they went in",
+        "the beats that are held are missing at the output",
     ),
     "a negative digit is a unit too low": (
         "hdl.stream.blend",
@@ -228,7 +219,7 @@ FAULTS = {
 def test_a_fault_in_a_register_is_found(fault, tmp_path):
     module, text, faulty, proof, clocks, assertion = FAULTS[fault]
     # Blocks of so few words that there are some on top of each other.
-    with mock.patch("hdl.stream.bank._BLOCKS", ((8, 16),)), mutant(module, text, faulty):
+    with mock.patch("hdl.stream.bank._BLOCKS", ((4, 16),)), mutant(module, text, faulty):
         failed = refute(proof(), tmp_path, clocks)
     # The solver may name any of the taps that are wrong.
     assert {name.partition(")")[2] or name for name in failed} & {assertion.partition(")")[2] or assertion}
