@@ -82,15 +82,15 @@ def test_windows_hold_the_wanted_pixels_whatever_the_streams_do(window, options,
 def test_windows_hold_the_wanted_pixels_from_memories_in_slices(tmp_path):
     with mock.patch("hdl.stream.bank.STACKED", 0):
         proof = WindowProof(tagged_core(4, 4, -1, 1), lemmas=True)
-    assert [len(memories) for memories in proof.core.bank(0, 0)] == [8]
-    prove(proof, tmp_path)
+        assert [len(memories) for memories in proof.core.bank(0, 0)] == [8]
+        prove(proof, tmp_path)
 
 
 def test_windows_hold_the_wanted_pixels_from_blocks_on_each_other(tmp_path):
     with mock.patch("hdl.stream.bank._BLOCKS", ((4, 16),)):
         proof = WindowProof(tagged_core(8, 4, 0, 1, pipeline=FAST, reach=1), lemmas=True)
-    assert len(proof.core.bank(0, 0)) == 2
-    prove(proof, tmp_path)
+        assert len(proof.core.bank(0, 0)) == 2
+        prove(proof, tmp_path)
 
 
 def test_windows_hold_the_wanted_pixels_where_the_ring_is_too_long_for_a_table(tmp_path):
