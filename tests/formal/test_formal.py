@@ -68,7 +68,7 @@ def test_beats_stay_until_they_are_taken(parameters, tmp_path):
         ((4, 4, -3, 2), {"latency": 1}),
         ((7, 4, -1, 1), {"pipeline": BALANCED, "latency": 1, "reach": 1}),
         ((6, 4, 0, 1), {"pipeline": BALANCED, "border": Border("replicate")}),
-        ((9, 4, -1, 1), {"pipeline": FAST, "latency": 1, "warm_up": 3, "reach": 1}),
+        ((8, 4, 0, 1), {"pipeline": FAST, "warm_up": 3, "reach": 1}),
         pytest.param(VGA, {}, marks=FULL_SIZE),
         pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
         pytest.param(VGA, {"latency": 24, "warm_up": 16, "pipeline": FAST}, marks=FULL_SIZE),
@@ -88,7 +88,7 @@ def test_windows_hold_the_wanted_pixels_from_memories_in_slices(tmp_path):
 
 def test_windows_hold_the_wanted_pixels_from_blocks_on_each_other(tmp_path):
     with mock.patch("hdl.stream.bank._BLOCKS", ((4, 16),)):
-        proof = WindowProof(tagged_core(8, 4, 0, 1, pipeline=FAST, reach=1), lemmas=True)
+        proof = WindowProof(tagged_core(8, 3, 0, 1, pipeline=FAST, reach=1), lemmas=True)
         assert len(proof.core.bank(0, 0)) == 2
         prove(proof, tmp_path)
 
