@@ -1,4 +1,4 @@
-"""Accumulators, dividers and the interpolator compute what they name, for all operands and any pauses."""
+"""Accumulators and dividers compute what they name, for all operands and any pauses."""
 
 from amaranth import Module, Mux, Signal
 from amaranth.asserts import AnySeq
@@ -8,7 +8,6 @@ from polynomials import differences
 from hdl.arithmetic.differences import DifferenceAccumulator
 from hdl.arithmetic.divider import Divider
 from hdl.arithmetic.linear import Accumulator
-from hdl.stream.bilinear import Bilinear
 
 from .opened import Opened
 
@@ -170,68 +169,3 @@ class DividerProof(Elaboratable):
                 & (digits[stage + 1 :] == scaled[:to_come]),
                 f"lemma: digits and remainder {i}, {stage}",
             )
-
-
-class BilinearProof(Elaboratable):
-    """The pixel is (sum of tap * weight + half) >> 2*fraction_bits, of the taps wherever their banks are.
-
-    Parameters
-    ----------
-    pixel_bits, channels, fraction_bits
-        As of `Bilinear`.
-    """
-
-    def __init__(self, pixel_bits, channels, fraction_bits, lemmas=True):
-        self._lemmas, self._bits, self._channels, self._f = lemmas, pixel_bits, channels, fraction_bits
-        self._bilinear = Bilinear(pixel_bits, channels, fraction_bits)
-
-    def elaborate(self, platform):
-        m = Module()
-        bilinear, f = self._bilinear, self._f
-        m.submodules.bilinear = opened = Opened(bilinear)
-        m.d.comb += bilinear.enable.eq(AnySeq(1))
-        operands = [
-            Signal(1, init=1),
-            bilinear.taps.as_value(),
-            bilinear.fx,
-            bilinear.fy,
-            bilinear.odd_column,
-            bilinear.odd_row,
-        ]
-        m.d.comb += [operand.eq(AnySeq(len(operand))) for operand in operands[1:]]
-        for stage in range(2):
-            before, operands = (
-                operands,
-                [Signal.like(o, name=f"operand_{stage}_{i}", init=0) for i, o in enumerate(operands)],
-            )
-            with m.If(bilinear.enable):
-                m.d.sync += [mine.eq(its) for mine, its in zip(operands, before)]
-            valid, taps, fx, fy, odd_column, odd_row = operands
-            for channel in range(self._channels):
-                rows = []
-                for row in range(2):
-                    even, odd = (
-                        taps.word_select(row * 2 + column, self._bits * self._channels).word_select(channel, self._bits)
-                        for column in range(2)
-                    )
-                    left, right = Mux(odd_column, odd, even), Mux(odd_column, even, odd)
-                    rows.append(left * ((1 << f) - fx) + right * fx)
-                    if stage == 0 and self._lemmas:
-                        m.d.comb += Assert(
-                            ~valid | (opened.registers[f"blended_{channel}_{row}"] == rows[row] + (1 << f >> 1)),
-                            f"lemma: row {row} of channel {channel} is blended",
-                        )
-                if stage == 1:
-                    top, bottom = Mux(odd_row, rows[1], rows[0]), Mux(odd_row, rows[0], rows[1])
-                    total = top * ((1 << f) - fy) + bottom * fy
-                    m.d.comb += Assert(
-                        ~valid
-                        | (bilinear.pixel.word_select(channel, self._bits) == (total + (1 << 2 * f >> 1)) >> 2 * f),
-                        f"channel {channel} is the weighted sum of its taps",
-                    )
-            if stage == 0 and self._lemmas:
-                m.d.comb += Assert(
-                    ~valid | (opened.registers["column_fy"] == fy) & (opened.registers["column_odd_row"] == odd_row),
-                    "lemma: the weight of the rows is one clock behind",
-                )
-        return m

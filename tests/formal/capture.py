@@ -16,13 +16,15 @@ class CaptureProof(Elaboratable):
     ----------
     width, height : int
         px
+    ahead : bool
+        As of `Capture`.
     lemmas : bool
         Assert also what makes these assertions inductive.
     """
 
-    def __init__(self, width, height, lemmas=True):
-        self._width, self._height, self._lemmas = width, height, lemmas
-        self._capture = Capture(width, height)
+    def __init__(self, width, height, ahead=False, lemmas=True):
+        self._width, self._height, self._ahead, self._lemmas = width, height, ahead, lemmas
+        self._capture = Capture(width, height, ahead)
 
     def elaborate(self, platform):
         m = Module()
@@ -69,6 +71,9 @@ class CaptureProof(Elaboratable):
         if self._lemmas:
             check(opened.registers["in_frame"] == started, "lemma: the frame in progress")
             check((capture.x == pixels) & (pixels <= width) & (started | (pixels == 0)), "lemma: the column")
+            if self._ahead:
+                check(opened.registers["line_is_full"] == (pixels == width), "lemma: a line's end is known")
+                check(opened.registers["is_last_line"] == (rows == height - 1), "lemma: the last line is known")
             check((opened.registers["y"] == rows) & (rows < height) & (started | (rows == 0)), "lemma: the row")
         m.d.comb += [
             Cover(capture.frame_written & ~taken, "a frame is complete before all of its lines came in"),

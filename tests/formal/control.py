@@ -91,9 +91,7 @@ class Control:
         pulse, self.permitted = registers["issue.row_issued"], registers["issue.permitted"]
         is_warm = core.warming == 0
         self._m.d.comb += self.early.eq((self.x > width - 1 - NEAR) & ~pulse)
-        self.lemma(
-            registers["capture.line_is_full"] == (self.x_in == width), "a line's end is known a beat ahead"
-        )
+        self.lemma(registers["capture.line_is_full"] == (self.x_in == width), "a line's end is known a beat ahead")
         self.lemma(
             registers["capture.is_last_line"] == (self.y_in == height - 1), "the last line is known a line ahead"
         )

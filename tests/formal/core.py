@@ -128,9 +128,7 @@ class FreeCore:
         name = f"line_buffer.{bank_name(row, column)}"
         return [
             [
-                self.parts[
-                    "_".join([name] + [str(index)] * (layout.stack > 1) + [str(low)] * (len(layout.slices) > 1))
-                ]
+                self.parts["_".join([name] + [str(index)] * (layout.stack > 1) + [str(low)] * (len(layout.slices) > 1))]
                 for low, _ in layout.slices
             ]
             for index in range(layout.stack)

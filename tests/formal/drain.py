@@ -127,6 +127,7 @@ def frames_lemmas(m, proof):
     moved = Mux(control.early, control.x + near - width, control.x + near) if near else control.x
     lemma(proof.declared <= Mux(control.in_frame, control.y_in, height), "only missing lines are declared")
     lemma(
-        proof.waited + stopped <= lines + Mux(capture.may_write, proof.line_clocks - 1, moved) + control.warmed + (near > 0),
+        proof.waited + stopped
+        <= lines + Mux(capture.may_write, proof.line_clocks - 1, moved) + control.warmed + (near > 0),
         "a beat waits for the output's row, or for missing lines",
     )

@@ -78,23 +78,19 @@ def position_lemmas(m, proof, control, base_out):
             ~stage.valid | ends[: index + 1].any() | (control.x != 0),
             f"positions are in a row that has begun, {index}",
         )
+    # What is said of the row is not reset: it is right once the pipeline moved, and was warm.
+    filled = Signal(clocks + 1)
+    m.d.comb += filled[0].eq(proof.core.warming == 0)
     if clocks:
         lemma(registers["row_end"] == Cat(stage.ends for stage in way), "row ends travel with positions")
-        # Not reset, they are right once the pipeline moved.
-        filled = Signal(clocks)
         with m.If(proof.datapath.enable):
-            m.d.sync += filled.eq(Cat(1, filled))
+            m.d.sync += filled[1:].eq(filled)
         for index, stage in enumerate(way):
             last = Mux(ends[: index + 1].any(), control.y == 0, control.y == height - 1)
-            lemma(filled[index] | ~(filled >> index).any() & ~stage.valid, f"the pipeline fills, {index}")
-            lemma(
-                ~filled[index] | (proof.core.warming != 0) | (registers["last_row"][index] == last),
-                f"the last row travels with positions, {index}",
-            )
-            lemma(
-                ~filled[index] | (proof.core.warming == 0) | registers["last_row"][index],
-                f"before the first row it is the last one, {index}",
-            )
+            is_filled = filled[index + 1]
+            lemma(is_filled | ~((filled >> index + 1).any() | stage.valid), f"the pipeline fills, {index}")
+            lemma(~is_filled | filled[index], f"the pipeline stays full, {index}")
+            lemma(~is_filled | (registers["last_row"][index] == last), f"the last row is that of positions, {index}")
     behind = ends[:clocks].any() if clocks else Const(0)
     lemma(same_or_before(reading, control.y, base_out, behind), "reading is in the raster's row or behind")
     for index, (before, window) in enumerate(zip([reading, *windows], windows)):
@@ -106,12 +102,13 @@ def position_lemmas(m, proof, control, base_out):
     lemma((control.x == 0) | has_rows(base_out, control.y), "a row that has begun has its source rows")
     lemma(~behind | has_rows(reading.base, reading.y), "a row that is ending has its source rows")
     if proof.parameters.pipeline.ring:
-        _row_ahead_lemmas(m, proof, lemma, filled[-1] if clocks else Const(1))
+        _row_ahead_lemmas(m, proof, lemma, filled[-1])
 
 
 def _row_ahead_lemmas(m, proof, lemma, filled):
     """Of what the ring computes of the next row: it is right two clocks later, and a row has more positions."""
-    reading, registers, rows, height = proof.reading, proof.core.registers, proof.parameters.line_buffer.rows, proof.height
+    reading, registers, height = proof.reading, proof.core.registers, proof.height
+    rows = proof.parameters.line_buffer.rows
     first, offset, passes_end, following = (
         registers[f"line_buffer.{name}"] for name in ("first", "offset", "passes_end", "following")
     )
@@ -225,7 +222,9 @@ class PlaceLemmas:
         for dy, dx in taps.inside:
             bank = Cat(*reversed(taps.bank(dy, dx)))
             if behind >= 0:
-                lemma(~taps.watched[dy, dx] | taps.inside[dy, dx], f"what is watched of ({dy}, {dx}) is inside, {stage}")
+                lemma(
+                    ~taps.watched[dy, dx] | taps.inside[dy, dx], f"what is watched of ({dy}, {dx}) is inside, {stage}"
+                )
             banks = [(row, column) for row in range(2) for column in range(2)]
             if 0 <= stage - begin < clocks:
                 known = [self._register(f"inside_{r}_{c}", stage - begin, clocks) for r, c in banks]

@@ -9,7 +9,7 @@ from unittest import mock
 
 @contextmanager
 def mutant(module, old, new):
-    """While this lasts, the module's functions, and the methods of its classes, are those of its source with ``old`` replaced by ``new``.
+    """While this lasts, the module's functions and its classes' methods are those of its source, ``new`` for ``old``.
 
     Parameters
     ----------
@@ -30,6 +30,6 @@ def mutant(module, old, new):
                 patches.enter_context(mock.patch.object(sound, name, getattr(broken, name)))
             if isinstance(kind, type) and kind.__module__ == module:
                 for attribute, value in vars(getattr(broken, name)).items():
-                    if isinstance(value, (FunctionType, property)) and not attribute.startswith("__"):
+                    if isinstance(value, (FunctionType, property, staticmethod)) and not attribute.startswith("__"):
                         patches.enter_context(mock.patch.object(kind, attribute, value))
         yield

@@ -8,8 +8,8 @@ from amaranth.hdl import Assert, Assume, Cover, Elaboratable
 from hdl.stream.raster import NEAR
 
 from .axi import Stability, VideoFormat
-from .core import FreeCore
 from .control import Control
+from .core import FreeCore
 from .drain import frames_lemmas
 
 
@@ -85,9 +85,7 @@ class ZeroStallProof(Elaboratable):
             else:
                 lemma((source.x == inner.x) & (source.y == inner.y), "the source is in step")
             lemma(~control.stopped, "the pipeline moves")
-            lemma(
-                (core.warming == 0) | ((y_in == 0) & (x_in + core.warming <= datapath.warm_up)), "it is warm in time"
-            )
+            lemma((core.warming == 0) | ((y_in == 0) & (x_in + core.warming <= datapath.warm_up)), "it is warm in time")
             came, width = control.came * datapath.width + x_in, datapath.width
             late = control.permitted if self._parameters.pipeline.ahead else 0
             lemma(came <= (control.lead + 1) * width + control.x + late, "the output keeps up with the input")
@@ -247,7 +245,9 @@ class FramesProof(Elaboratable):
             ),
         ]
 
-        m.d.comb += Assert(~s_axis.valid | s_axis.ready | (inner.valid & ~inner.ready), "no beat waits but for one at capture")
+        m.d.comb += Assert(
+            ~s_axis.valid | s_axis.ready | (inner.valid & ~inner.ready), "no beat waits but for one at capture"
+        )
         with m.If(~inner.valid | inner.ready):
             m.d.sync += [self.waited.eq(0), self.declared.eq(0)]
         with m.Else():

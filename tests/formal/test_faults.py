@@ -1,62 +1,21 @@
 """Each proof is put to designs with a fault, where it must find a counterexample from reset."""
 
-import numpy as np
 import pytest
-from formal.arithmetic import AccumulatorProof, BilinearProof, DifferenceProof, DividerProof
-from formal.capture import CaptureProof
-from formal.core import any_core
+from formal.configurations import (
+    accumulator,
+    bilinear,
+    capture,
+    difference,
+    divider,
+    frames,
+    pauses,
+    stability,
+    waits,
+    windows,
+    zero_stall,
+)
 from formal.mutant import mutant
 from formal.prove import refute
-from formal.streams import FramesProof, StabilityProof, WaitsProof, ZeroStallProof
-from formal.window import WindowProof, tag_bits
-
-from hdl.arithmetic.differences import DifferenceForm
-from hdl.arithmetic.linear import LinearForm
-
-
-def tagged_core(width, height, d_lo, d_hi, **options):
-    return any_core(width, height, d_lo, d_hi, tag_bits=tag_bits(width, height), **options)
-
-
-def stability():
-    return StabilityProof(any_core(4, 4, 0, 1))
-
-
-def zero_stall():
-    return ZeroStallProof(any_core(3, 3, 0, 1), lemmas=False)
-
-
-def waits():
-    return WaitsProof(any_core(3, 3, 0, 1), lemmas=False)
-
-
-def frames():
-    return FramesProof(any_core(3, 3, 0, 1), lemmas=False)
-
-
-def capture():
-    return CaptureProof(3, 2, lemmas=False)
-
-
-def windows(*window, steady=True, **options):
-    return lambda: WindowProof(tagged_core(*window, reach=1, **options), steady=steady)
-
-
-def accumulator(*form):
-    return lambda: AccumulatorProof(LinearForm(*form), lemmas=False)
-
-
-def difference(*form):
-    return lambda: DifferenceProof(DifferenceForm(np.array(form[0]), *form[1:]), lemmas=False)
-
-
-def divider():
-    return DividerProof([(5, 1), (4, 0)], divisor_bits=4, quotient_bits=5, lemmas=False)
-
-
-def bilinear():
-    return BilinearProof(3, 1, 2, lemmas=False)
-
 
 # Module, text, faulty text, proof, clocks, assertion that fails.
 FAULTS = {
@@ -70,24 +29,32 @@ FAULTS = {
     ),
     "the last register moves while a beat waits": (
         "hdl.stream.bilinear",
-        "with m.If(self.enable):\n                m.d.sync += self.pixel",
-        "with m.If(1):\n                m.d.sync += self.pixel",
+        'stages.after(f"pixel_{channel}"',
+        'Stages(m, 1).after(f"pixel_{channel}"',
         stability,
         12,
         "m_axis: tdata, tuser and tlast stay until tready",
     ),
-    "rows are written one row too early": (
+    "registers move in a pause": (
+        "hdl.arithmetic.cuts",
+        "with self._m.If(self.enable):",
+        "with self._m.If(1):",
+        pauses(),
+        4,
+        "blended_0_0 waits",
+    ),
+    "rows are written without regard to the output": (
         "hdl.stream.flow",
-        "ahead != self._lead + 2",
-        "ahead != self._lead + 3",
+        "~(enough & margin[0])",
+        "1",
         windows(3, 4, 0, 1, steady=False),
         10,
         "tap (0, 0) is not read while it is written",
     ),
     "rows are read one row too early": (
         "hdl.stream.flow",
-        "(ahead > self._lead)",
-        "(ahead >= self._lead)",
+        "-(self._lead + 1)",
+        "-self._lead",
         windows(3, 5, -1, 1),
         10,
         "tap (1, 0) is read from a complete row",
@@ -101,17 +68,17 @@ FAULTS = {
         "tap (1, 0) is not read while it is written",
     ),
     "the ring is read one slot too far": (
-        "hdl.stream.linebuffer",
-        "unwrapped >= p.rows,",
-        "unwrapped > p.rows,",
+        "hdl.stream.ring",
+        "unwrapped >= self._rows,",
+        "unwrapped > self._rows,",
         windows(3, 5, -1, 1),
         14,
         "tap (1, 1) is the wanted pixel",
     ),
     "the lower row wraps one slot too late": (
-        "hdl.stream.linebuffer",
-        "slot == p.rows - 1, 0,",
-        "slot == p.rows, 0,",
+        "hdl.stream.ring",
+        "slot == self._rows - 1, 0,",
+        "slot == self._rows, 0,",
         windows(3, 5, -1, 1),
         14,
         "tap (1, 1) is the wanted pixel",
@@ -125,8 +92,8 @@ FAULTS = {
         "tap (1, 1) is the wanted pixel",
     ),
     "the offset forgets that a frame ended": (
-        "hdl.stream.linebuffer",
-        "Mux(self.end_of_frame, p.height % 2**bits, 0)",
+        "hdl.stream.ring",
+        "Mux(last_row, self._height % 2**bits, 0)",
         "0",
         windows(3, 5, -1, 1),
         30,
@@ -134,64 +101,64 @@ FAULTS = {
     ),
     "the offset does not wait for the datapath": (
         "hdl.stream.rectifier",
-        "issue & raster.end_of_line, to_window",
-        "issue & raster.end_of_line, 0",
+        "issue.issue & raster.end_of_line, to_window",
+        "issue.issue & raster.end_of_line, 0",
         windows(4, 5, -1, 1, latency=1),
         24,
         "tap (1, 0) is the wanted pixel",
     ),
     "warming up counts as a row": (
-        "hdl.stream.rectifier",
-        "flow.row_issued.eq(issue",
-        "flow.row_issued.eq(step",
+        "hdl.stream.issue",
+        "self.row_issued.eq(self.issue & self.end_of_line)",
+        "self.row_issued.eq(self.step & self.end_of_line)",
         windows(4, 5, -1, 1, warm_up=2),
         10,
         "tap (0, 0) is read from a complete row",
     ),
     "missing lines are declared while the buffer is full": (
         "hdl.stream.capture",
-        "(missing_lines & self.may_write)",
-        "missing_lines",
+        "moves & Mux(in_step, self.eol, in_frame)",
+        "self.valid & Mux(in_step, self.eol & self.may_write, in_frame)",
         windows(3, 4, 0, 1, steady=False),
         10,
         "tap (0, 0) is not read while it is written",
     ),
     "a pixel beyond the line is written": (
         "hdl.stream.capture",
-        "self.x != self._width",
-        "self.x != self._width + 1",
+        "line_is_full.eq(self.x == self._width)",
+        "line_is_full.eq(self.x == self._width + 1)",
         windows(4, 4, 0, 1, steady=False),
         12,
         "tap (0, 0) is not read while it is written",
     ),
     "rows are written one row too late": (
         "hdl.stream.flow",
-        "ahead != self._lead + 2",
-        "ahead != self._lead + 1",
+        "~(enough & margin[0])",
+        "~enough",
         zero_stall,
         12,
         "s_axis_tready is high",
     ),
     "rows are read one row too late": (
         "hdl.stream.flow",
-        "(ahead > self._lead)",
-        "(ahead > self._lead + 1)",
+        "enough | complete",
+        "(enough & margin[0]) | complete",
         zero_stall,
         14,
         "s_axis_tready is high",
     ),
     "the input waits for rows that are read one row too late": (
         "hdl.stream.flow",
-        "(ahead > self._lead)",
-        "(ahead > self._lead + 1)",
+        "enough | complete",
+        "(enough & margin[0]) | complete",
         waits,
         14,
         "no beat waits without a cause",
     ),
     "the last rows wait for the next frame": (
         "hdl.stream.flow",
-        " | complete",
-        "",
+        "enough | complete",
+        "enough",
         frames,
         24,
         "a frame drains in time",
@@ -206,16 +173,16 @@ FAULTS = {
     ),
     "missing lines are waited for": (
         "hdl.stream.capture",
-        " | (missing_lines & self.may_write)",
-        "",
+        "Mux(in_step, self.eol, in_frame)",
+        "Mux(in_step, self.eol, 0)",
         frames,
         24,
         "a beat does not wait for ever",
     ),
     "the last pixel of a line is dropped": (
         "hdl.stream.capture",
-        "self.x != self._width",
-        "self.x != self._width - 1",
+        "line_is_full.eq(self.x == self._width)",
+        "line_is_full.eq(self.x == self._width - 1)",
         capture,
         8,
         "no pixel of a frame's line is lost",
@@ -223,7 +190,7 @@ FAULTS = {
     "a frame that lacks lines does not end": (
         "hdl.stream.capture",
         "with m.If(self.frame_written):",
-        "with m.If(self.frame_written & ~missing_lines):",
+        "with m.If(self.frame_written & in_step):",
         capture,
         8,
         "any other beat waits only until a row may be written",
@@ -277,10 +244,10 @@ FAULTS = {
         "quotient 0 is the floor",
     ),
     "the rows' weights are not exchanged": (
-        "hdl.stream.bilinear",
+        "hdl.stream.blend",
         "weight[i] ^ swapped",
         "weight[i]",
-        bilinear,
+        bilinear(),
         6,
         "channel 0 is the weighted sum of its taps",
     ),

@@ -1,6 +1,6 @@
 """Proofs, for all time and all inputs: k-induction over the blocks and over whole cores, by SymbiYosys with Yices.
 
-Each proof is also put to a design with a fault, where it must find a counterexample from reset, and the situations that
+Each proof is also put to designs with a fault, where it must find a counterexample from reset, and the situations that
 matter are shown to be reachable. FORMAL_FULL_SIZE=1 proves the window at 640x480, too: some minutes.
 """
 
@@ -13,35 +13,43 @@ import pytest
 import rigs
 from amaranth.back import rtlil
 from amaranth.hdl import Assert, Cover, Elaboratable, Module, Signal
-from formal.arithmetic import AccumulatorProof, BilinearProof, DifferenceProof, DividerProof
+from formal import configurations
+from formal.arithmetic import AccumulatorProof, DifferenceProof, DividerProof
 from formal.capture import CaptureProof
+from formal.configurations import tagged_core
 from formal.core import any_core
+from formal.interpolation import BilinearProof, PauseProof
 from formal.mutant import mutant
+from formal.ports import BITS, PortProof
 from formal.prove import NotProved, cover, prove
 from formal.streams import FramesProof, StabilityProof, WaitsProof, ZeroStallProof
-from formal.window import WindowProof, tag_bits
+from formal.window import WindowProof
 
+from hdl.arithmetic.cuts import BALANCED, COMPACT, FAST
 from hdl.arithmetic.differences import DifferenceForm
 from hdl.arithmetic.linear import LinearForm
 from hdl.datapaths.polynomial import Polynomial
 from hdl.geometry.coordinates import Border
+from hdl.stream.bilinear import Bilinear
+from hdl.stream.ports import InputRegister, OutputSkid
 from hdl.stream.rectifier import Rectifier
 
 VGA = (640, 480, -11, 14)  # width, height, d_lo, d_hi: about as the embedded rig has them
 FULL_SIZE = pytest.mark.skipif(not os.environ.get("FORMAL_FULL_SIZE"), reason="minutes long: set FORMAL_FULL_SIZE=1")
 
 
-def tagged_core(width, height, d_lo, d_hi, **options):
-    return any_core(width, height, d_lo, d_hi, tag_bits=tag_bits(width, height), **options)
+PIPELINES = pytest.mark.parametrize("pipeline", [COMPACT, BALANCED, FAST], ids=lambda pipeline: pipeline.name)
 
 
 @pytest.mark.parametrize(
     "parameters",
     [
         any_core(8, 6, -1, 1, latency=3),
+        any_core(9, 6, -1, 1, latency=3, pipeline=BALANCED),
+        any_core(11, 6, -1, 1, latency=3, pipeline=FAST),
         cores.parameters("accumulate", channels=3),
     ],
-    ids=["any datapath", "accumulate"],
+    ids=["compact", "balanced", "fast", "accumulate"],
 )
 def test_beats_stay_until_they_are_taken(parameters, tmp_path):
     prove(StabilityProof(parameters), tmp_path)
@@ -58,8 +66,12 @@ def test_beats_stay_until_they_are_taken(parameters, tmp_path):
         ((5, 5, -3, -2), {}),
         ((5, 5, 3, 3), {"latency": 1}),
         ((4, 4, -3, 2), {"latency": 1}),
+        ((7, 4, -1, 1), {"pipeline": BALANCED, "latency": 1, "reach": 1}),
+        ((6, 4, 0, 1), {"pipeline": BALANCED, "border": Border("replicate")}),
+        ((8, 4, 0, 1), {"pipeline": FAST, "warm_up": 3, "reach": 1}),
         pytest.param(VGA, {}, marks=FULL_SIZE),
         pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
+        pytest.param(VGA, {"latency": 24, "warm_up": 16, "pipeline": FAST}, marks=FULL_SIZE),
     ],
     ids=str,
 )
@@ -68,9 +80,23 @@ def test_windows_hold_the_wanted_pixels_whatever_the_streams_do(window, options,
 
 
 def test_windows_hold_the_wanted_pixels_from_memories_in_slices(tmp_path):
-    with mock.patch("hdl.stream.linebuffer.STACKED", 0):
+    with mock.patch("hdl.stream.bank.STACKED", 0):
         proof = WindowProof(tagged_core(4, 4, -1, 1), lemmas=True)
-        assert len(proof.core.bank(0, 0)) == 8
+        assert [len(memories) for memories in proof.core.bank(0, 0)] == [8]
+        prove(proof, tmp_path)
+
+
+def test_windows_hold_the_wanted_pixels_from_blocks_on_each_other(tmp_path):
+    with mock.patch("hdl.stream.bank._BLOCKS", ((4, 16),)):
+        proof = WindowProof(tagged_core(8, 3, 0, 1, pipeline=FAST, reach=1), lemmas=True)
+        assert len(proof.core.bank(0, 0)) == 2
+        prove(proof, tmp_path)
+
+
+def test_windows_hold_the_wanted_pixels_where_the_ring_is_too_long_for_a_table(tmp_path):
+    with mock.patch("hdl.stream.ring._TABLE_ROWS", 0):
+        proof = WindowProof(tagged_core(7, 4, 0, 1, pipeline=BALANCED, reach=1), lemmas=True)
+        assert proof.parameters.line_buffer.place_latency == 2
         prove(proof, tmp_path)
 
 
@@ -86,7 +112,11 @@ def test_windows_are_read_in_all_situations(tmp_path):
         ((8, 7, -4, 0), {"warm_up": 7}),
         ((5, 9, -8, 7), {}),
         ((9, 5, 2, 3), {"latency": 6}),
+        ((6, 3, 0, 1), {"pipeline": BALANCED}),
+        ((14, 7, -4, 0), {"warm_up": 7, "pipeline": BALANCED}),
+        ((12, 9, -8, 7), {"latency": 3, "pipeline": FAST}),
         (VGA, {"latency": 24, "warm_up": 16}),
+        (VGA, {"latency": 24, "warm_up": 16, "pipeline": FAST}),
     ],
     ids=str,
 )
@@ -96,19 +126,28 @@ def test_input_never_stalls_while_the_output_is_ready(window, options, tmp_path)
 
 @pytest.mark.parametrize(
     "window, options",
-    [((8, 6, -1, 1), {"latency": 3}), ((3, 3, 0, 1), {}), ((8, 7, -4, 0), {"warm_up": 7}), ((9, 5, 2, 3), {})],
+    [
+        ((8, 6, -1, 1), {"latency": 3}),
+        ((3, 3, 0, 1), {}),
+        ((8, 7, -4, 0), {"warm_up": 7}),
+        ((9, 5, 2, 3), {}),
+        ((6, 3, 0, 1), {"pipeline": BALANCED}),
+        ((14, 7, -4, 0), {"warm_up": 7, "pipeline": BALANCED}),
+        ((12, 5, 2, 3), {"latency": 3, "pipeline": FAST}),
+    ],
     ids=str,
 )
 def test_input_waits_for_no_longer_than_the_output_did_and_pixels_are_missing(window, options, tmp_path):
     prove(WaitsProof(any_core(*window, **options)), tmp_path)
 
 
-def test_input_may_wait_for_as_long_as_there_is_cause(tmp_path):
-    cover(WaitsProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 20)
+@pytest.mark.parametrize("pipeline, clocks", [(COMPACT, 20), (BALANCED, 36)], ids=["compact", "balanced"])
+def test_input_may_wait_for_as_long_as_there_is_cause(pipeline, clocks, tmp_path):
+    cover(configurations.waits(pipeline), tmp_path, clocks)
 
 
 def test_frames_come_in_back_to_back(tmp_path):
-    cover(ZeroStallProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 28)
+    cover(configurations.zero_stall(), tmp_path, 28)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +157,9 @@ def test_frames_come_in_back_to_back(tmp_path):
         ((3, 3, 0, 1), {}),
         ((7, 5, -2, 3), {"warm_up": 6}),
         ((32, 24, -4, 5), {"latency": 9}),
+        ((6, 3, 0, 1), {"pipeline": BALANCED}),
+        ((14, 7, -4, 0), {"warm_up": 7, "pipeline": BALANCED}),
+        ((12, 5, 2, 3), {"latency": 3, "pipeline": FAST}),
         pytest.param(VGA, {"latency": 24, "warm_up": 16}, marks=FULL_SIZE),
     ],
     ids=str,
@@ -127,12 +169,12 @@ def test_every_frame_drains_and_no_beat_waits_for_ever(window, options, tmp_path
 
 
 def test_a_frame_may_take_as_long_as_the_bound_says(tmp_path):
-    cover(FramesProof(any_core(3, 3, 0, 1), lemmas=False), tmp_path, 28)
+    cover(configurations.frames(), tmp_path, 28)
 
 
-@pytest.mark.parametrize("width, height", [(5, 3), (640, 480)])
-def test_capture_gives_out_whole_frames_whatever_comes_in(width, height, tmp_path):
-    prove(CaptureProof(width, height), tmp_path)
+@pytest.mark.parametrize("width, height, ahead", [(5, 3, False), (640, 480, False), (5, 1, True), (640, 480, True)])
+def test_capture_gives_out_whole_frames_whatever_comes_in(width, height, ahead, tmp_path):
+    prove(CaptureProof(width, height, ahead), tmp_path)
 
 
 def test_capture_meets_every_kind_of_broken_frame(tmp_path):
@@ -191,9 +233,39 @@ def test_divisions_leave_remainders(tmp_path):
     cover(DividerProof([(5, 1), (4, 0)], divisor_bits=4, quotient_bits=5, lemmas=False), tmp_path, 8)
 
 
-@pytest.mark.parametrize("pixel_bits, channels, fraction_bits", [(3, 1, 2), (1, 3, 3)])
-def test_pixels_are_the_weighted_sums_of_their_taps(pixel_bits, channels, fraction_bits, tmp_path):
-    prove(BilinearProof(pixel_bits, channels, fraction_bits), tmp_path)
+@pytest.mark.parametrize(
+    "pipeline, pixel_bits, channels, fraction_bits, lead",
+    [
+        (COMPACT, 3, 1, 2, 1),
+        (COMPACT, 1, 3, 3, 1),
+        (BALANCED, 3, 1, 2, 2),
+        (BALANCED, 1, 3, 3, 2),
+        (BALANCED, 1, 1, 4, 2),
+        (BALANCED, 1, 1, 5, 2),
+        (FAST, 2, 1, 2, 4),
+        (FAST, 1, 3, 3, 4),
+        (FAST, 1, 1, 4, 4),
+        (FAST, 1, 1, 5, 4),
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_pixels_are_the_weighted_sums_of_their_taps(pipeline, pixel_bits, channels, fraction_bits, lead, tmp_path):
+    proof = BilinearProof(pixel_bits, channels, fraction_bits, lead, pipeline)
+    prove(proof, tmp_path, proof.depth)
+
+
+@PIPELINES
+def test_the_interpolator_waits_in_pauses(pipeline, tmp_path):
+    prove(PauseProof(Bilinear(8, 3, 5, 2, pipeline)), tmp_path)
+
+
+@pytest.mark.parametrize("block", [InputRegister, OutputSkid])
+def test_registers_at_the_streams_lose_no_beat(block, tmp_path):
+    prove(PortProof(block(BITS)), tmp_path)
+
+
+def test_a_beat_that_was_set_aside_comes_out(tmp_path):
+    cover(PortProof(OutputSkid(BITS), lemmas=False), tmp_path, 8)
 
 
 class Count(Elaboratable):

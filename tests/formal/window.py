@@ -69,7 +69,11 @@ class Taps:
             self.valid.eq(other.valid),
             self.odd_row.eq(other.odd_row),
             self.odd_column.eq(other.odd_column),
-            *(mine[at].eq(its[at]) for mine, its in ((self.inside, other.inside), (self.watched, other.watched)) for at in mine),
+            *(
+                mine[at].eq(its[at])
+                for mine, its in ((self.inside, other.inside), (self.watched, other.watched))
+                for at in mine
+            ),
         ]
 
 
