@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hdl.arithmetic.cost import Cost
+from hdl.arithmetic.cuts import PIPELINES
 from hdl.core import versions as core_versions
 from hdl.datapaths.base import fitted_budget
 from hdl.datapaths.selection import Considered, choose
@@ -101,7 +102,8 @@ def ladder(planned, core, progress=lambda step: None):
     worst = max(plan.error.u.max, plan.error.v.max)
     own = Considered(plan.datapath, None, worst, core.parameters.datapath.cost, "chosen by name")
     try:
-        others = choose(planned.view, plan.fraction_bits, budget, "balanced", progress, plan.dsp)
+        pipeline = PIPELINES[plan.pipeline.name]
+        others = choose(planned.view, plan.fraction_bits, budget, "balanced", progress, plan.dsp, pipeline)
     except InputError as refusal:
         return Ladder(budget, [own], f"Of the others none meets {budget:g} px: {refusal.problem}.")
     entries = [
