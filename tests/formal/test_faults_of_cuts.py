@@ -122,7 +122,7 @@ FAULTS = {
         "enable",
         windows(WIDE, 3, 0, 1, pipeline=FAST),
         40,
-        "tap (1, 1) is the wanted pixel",
+        "tap (1, 1) is not read while it is written",
     ),
     "the last line is known a line late": (
         "hdl.stream.capture",
