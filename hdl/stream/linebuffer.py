@@ -229,7 +229,7 @@ class LineBuffer(wiring.Component):
         odd_slot = Signal()
         base = Signal(p.ring.address_bits)
         end = Signal(reset_less=p.pipeline.writes)
-        # Registered it is right a clock later; a row takes longer.
+        # Registered it is right a clock later; the base changes with every second row only.
         domain = m.d.sync if p.pipeline.writes else m.d.comb
         domain += end.eq(base == (p.rows // 2 - 1) * p.pitch)
         with m.If(self.row_written):

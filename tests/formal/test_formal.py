@@ -58,11 +58,11 @@ def test_beats_stay_until_they_are_taken(parameters, tmp_path):
 @pytest.mark.parametrize(
     "window, options",
     [
-        ((5, 6, -1, 1), {}),
+        ((5, 6, -1, 1), {"reach": 1}),
         ((4, 4, -1, 1), {"reach": 0}),
         ((7, 7, -1, 2), {"latency": 3, "warm_up": 5}),
         ((5, 5, -1, 2), {"latency": 2, "border": Border("replicate")}),
-        ((6, 7, 2, 3), {"latency": 2, "border": Border("constant", 200)}),
+        ((6, 7, 2, 3), {"latency": 2, "border": Border("constant", 200), "reach": 1}),
         ((5, 5, -3, -2), {}),
         ((5, 5, 3, 3), {"latency": 1}),
         ((4, 4, -3, 2), {"latency": 1}),
