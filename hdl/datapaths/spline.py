@@ -25,7 +25,7 @@ class Spline(Datapath):
     takes them all along. v is kept relative to the output row.
 
     165 LUT, 154 FF and 2 RAMB18 with the lens, 229 LUT and 179 FF without (README, the ladder: coordinates of the
-    embedded rig, 640x480, 0.05 px). Latency 0, 1 px/clock.
+    embedded rig, 640x480, 0.05 px). Latency 0, or 1 with `Pipeline.ahead`; 1 px/clock.
 
     Parameters
     ----------
