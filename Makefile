@@ -22,6 +22,7 @@ test: $(VENV)/ready-for-tests
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto
 	$(BIN)/python -m scripts.table1 --check
 	$(BIN)/python -m scripts.resources --check
+	$(BIN)/python -m scripts.clock --check
 
 readme: $(VENV)/ready
 	$(BIN)/python -m scripts.table1 --readme

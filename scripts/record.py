@@ -14,10 +14,20 @@ ROOT = readme.README.parent
 def digest(verilog):
     """SHA-256 of a core's Verilog, but for what its cells do not depend on.
 
-    That is the comment above it, and the values of constants: on another processor fits end in other last digits.
+    That is the comment above it, the names of modules and of their instances, and the values of constants: on another
+    processor fits end in other last digits.
     """
     body = re.sub(r"^//.*\n", "", verilog, flags=re.MULTILINE)
+    modules = re.findall(r"^module (\S+)", body, flags=re.MULTILINE)
+    body = re.sub(r"^module \S+", "module", body, flags=re.MULTILINE)
+    body = re.sub(r"^  (\S+)  \S+ +\($", lambda found: _instance(modules, found), body, flags=re.MULTILINE)
     return hashlib.sha256(re.sub(r"('s?[bdh])[0-9a-fA-FxzXZ_]+", r"\1", body).encode()).hexdigest()
+
+
+def _instance(modules, found):
+    """The line with which an instance begins, by the number of its module."""
+    name = found.group(1)
+    return f"  {modules.index(name)} (" if name in modules else found.group()
 
 
 def pinned(*packages):

@@ -154,7 +154,9 @@ def _jobs(view, name, progress):
     for dsp, pipeline in product((False, True), PIPELINES):
         progress(f"{name}, {pipeline}, {'with' if view.lens else 'without'} the lens")
         options = Options(name, fitted_budget(Options.fraction_bits), dsp=dsp, pipeline=pipeline)
-        yield Job(name, view.lens, dsp, pipeline, within_budget(view, options))
+        core = within_budget(view, options)
+        if core.plan.cost.dsp or not dsp:
+            yield Job(name, view.lens, dsp, pipeline, core)
 
 
 def within_budget(view, options):

@@ -83,7 +83,8 @@ def reached(datapath: str, pipeline: str, lens: bool, width: int, family: str) -
     family : str
         A key of `FAMILIES`.
     """
-    rows = [row for row in _rows() if row["pipeline"] == pipeline]
+    # A device may have no room for a core.
+    rows = [row for row in _rows() if row["pipeline"] == pipeline and row[family]]
     own = [row for row in rows if (row["datapath"], row["lens"]) == (datapath, lens)]
     like = _as_wide(own, width)
     if not like or like[0]["width"] < width:

@@ -224,7 +224,7 @@ def _connect(m: Module, p: RectifierParameters, s_axis: _Pixels, m_axis: _Pixels
     m.submodules.capture = capture = Capture(width, height, ahead)
     m.submodules.flow = flow = RowFlow(p.line_buffer.window.lead, ahead)
     m.submodules.raster = raster = Raster(width, height, p.datapath.warm_up, ahead)
-    m.submodules.issue = issue = Issue(p.datapath.warm_up > 0, ahead)
+    m.submodules.issuing = issue = Issue(p.datapath.warm_up > 0, ahead)
     m.submodules.datapath = datapath = p.datapath.component()
     m.submodules.line_buffer = line_buffer = LineBuffer(p.line_buffer)
     m.submodules.bilinear = interpolator = bilinear.Bilinear(
@@ -310,7 +310,7 @@ def _connect_input(
     beat = Cat(s_axis.tdata[: p.pixel_bits * p.channels], s_axis.tuser, s_axis.tlast)
     valid = s_axis.tvalid
     if p.pipeline.ports:
-        m.submodules.input = register = InputRegister(len(beat))
+        m.submodules.input_register = register = InputRegister(len(beat))
         m.d.comb += [
             register.i.eq(beat),
             register.i_valid.eq(valid),

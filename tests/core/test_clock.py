@@ -30,7 +30,9 @@ ROWS = [
 def test_the_record_has_cores_of_every_pipeline():
     rows = json.loads(resources.files("hdl.core").joinpath(clock.RECORD).read_text())["rows"]
     assert {row["pipeline"] for row in rows} == PIPELINES.keys()
-    assert {row["datapath"] for row in rows if row["pipeline"] == Options.pipeline} == DATAPATHS.keys()
+    # A table of that frame is not built.
+    measured = {row["datapath"] for row in rows if row["pipeline"] == Options.pipeline}
+    assert measured == DATAPATHS.keys() - {"table"}
     assert all(kind.mhz(row) > 1 for kind in clock.FAMILIES.values() for row in rows if row[kind.name])
 
 

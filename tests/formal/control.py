@@ -88,7 +88,7 @@ class Control:
         """Of what is known a clock or more ahead."""
         registers, width, height = core.registers, self._width, self._height
         raster_x, raster_y = registers["raster.x"], registers["raster.y"]
-        pulse, self.permitted = registers["issue.row_issued"], registers["issue.permitted"]
+        pulse, self.permitted = registers["issuing.row_issued"], registers["issuing.permitted"]
         is_warm = core.warming == 0
         self._m.d.comb += self.early.eq((self.x > width - 1 - NEAR) & ~pulse)
         self.lemma(registers["capture.line_is_full"] == (self.x_in == width), "a line's end is known a beat ahead")
@@ -99,7 +99,7 @@ class Control:
         self.lemma(registers["raster.near_end"] == (raster_x == width - 1 - NEAR), "a row's end is known to be near")
         self.lemma(registers["raster.last_row"] == (raster_y == height - 1), "the last row is known ahead")
         self.lemma(~pulse | ((self.x == width - NEAR) & is_warm), "a row counts as issued once, near its end")
-        self.lemma(registers["issue.frame_issued"] == (pulse & (self.y == height - 1)), "and so does a frame")
+        self.lemma(registers["issuing.frame_issued"] == (pulse & (self.y == height - 1)), "and so does a frame")
         self.lemma(self.permitted | (is_warm & (self.x == 0)), "a row that was begun is permitted")
         self.lemma(self.permitted | (self.ahead != self.lead + 2), "a row is permitted a clock after it may be issued")
         self.lemma(
@@ -127,5 +127,5 @@ def issued_position(m, core):
         ),
     ]
     if core.parameters.datapath.warm_up:
-        m.d.comb += Assert(core.registers["issue.warm"] == is_warm, "lemma: it is warm after so many steps")
+        m.d.comb += Assert(core.registers["issuing.warm"] == is_warm, "lemma: it is warm after so many steps")
     return x, y

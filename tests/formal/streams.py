@@ -76,8 +76,8 @@ class ZeroStallProof(Elaboratable):
             lemma((inner.x < datapath.width) & (inner.y < datapath.height), "its beats are a frame's")
             lemma(control.in_frame == ((inner.x != 0) | (inner.y != 0)), "capture is in a frame")
             if self._parameters.pipeline.ports:
-                held = core.registers["input.held"]
-                beat = core.registers["input.o_valid"]
+                held = core.registers["input_register.held"]
+                beat = core.registers["input_register.o_valid"]
                 following = inner.following
                 lemma(source.x == Mux(beat, following[0], inner.x), "the source is a beat ahead")
                 lemma(source.y == Mux(beat, following[1], inner.y), "the source is a beat ahead in its rows")

@@ -79,7 +79,7 @@ def test_outputs_are_fed_by_registers_only_but_for_tready_of_compact(core):
 
 
 @pytest.mark.parametrize(
-    "block, names", [("input", S_AXIS - {"s_axis_tready"}), ("skid", {"m_axis_tready"})], ids=["input", "skid"]
+    "block, names", [("input_register", S_AXIS - {"s_axis_tready"}), ("skid", {"m_axis_tready"})], ids=["input", "skid"]
 )
 def test_no_register_but_those_at_the_ports_waits_for_a_port_within_a_clock(core, block, names):
     pipeline, netlist = core
