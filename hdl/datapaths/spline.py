@@ -24,7 +24,7 @@ class Spline(Datapath):
     few rows. Values and slopes are in one small RAM, the bends in a ROM, both shared by u and v, and one pair of adders
     takes them all along. v is kept relative to the output row.
 
-    165 LUT, 154 FF and 2 RAMB18 with the lens, 229 LUT and 179 FF without (README, the ladder: coordinates of the
+    165 LUT, 154 FF and 2 RAMB18 with the lens, 233 LUT and 179 FF without (README, the ladder: coordinates of the
     embedded rig, 640x480, 0.05 px). Latency 0, or 1 with `Pipeline.ahead`; 1 px/clock.
 
     Parameters

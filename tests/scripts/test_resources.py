@@ -234,7 +234,7 @@ def test_figures_in_docstrings_are_those_of_the_readme(datapath):
     """Those of the README are checked against synthesis by ``scripts.resources --check``."""
     ladder = readme.README.read_text().partition("<!-- ladder:begin -->")[2]
     rows = [line.strip("| ").split(" | ") for line in ladder.splitlines() if line.startswith("| ")]
-    measured = {(int(row[3]), int(row[2])) for row in rows[2:] if row[0].partition(",")[0] == datapath.name}
+    measured = {(int(row[4]), int(row[3])) for row in rows[2:] if row[0].partition(",")[0] == datapath.name}
     stated = {tuple(map(int, found)) for found in re.findall(r"(\d+) LUT(?: and|,) (\d+) FF", datapath.__doc__)}
     # A table is not built for a frame of the README's size.
     assert stated <= measured and bool(stated) == (datapath.name != "table")
