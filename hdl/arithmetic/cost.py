@@ -26,17 +26,17 @@ class Cost:
 
 
 # Words and bits of a RAMB18 as a simple dual-port memory (AMD UG473).
-_RAMB18 = ((512, 36), (1024, 18), (2048, 9), (4096, 4), (8192, 2), (16384, 1))
+RAMB18 = ((512, 36), (1024, 18), (2048, 9), (4096, 4), (8192, 2), (16384, 1))
 
 
 def block_width(words):
     """Bits of the widest memory of so many words that one block RAM holds; 1 where none does."""
-    return next((bits for depth, bits in _RAMB18 if words <= depth), 1)
+    return next((bits for depth, bits in RAMB18 if words <= depth), 1)
 
 
 def block_rams(words, width):
     """RAMB18 that a simple dual-port memory takes (AMD UG473; a RAMB36 counts as two)."""
-    return min(-(-words // depth) * -(-width // bits) for depth, bits in _RAMB18)
+    return min(-(-words // depth) * -(-width // bits) for depth, bits in RAMB18)
 
 
 def dsp_blocks(a, b):

@@ -91,17 +91,9 @@ class Pipeline:
         if delay in taps:
             return taps[delay]
         start = max(tap for tap in taps if tap < delay)
-        if self._products.pipeline.products:
-            # Adders follow, which leave no time for a shift register.
-            ending = Stages(self._m, self._enable, ends=True)
-            stage.later[delay] = ending.after(f"{name}_until_{delay}", taps[start], delay - start)
-        else:
-            width = len(stage.stored)
-            waiting = Signal(width * (delay - start), name=f"{name}_until_{delay}", reset_less=True)
-            with self._m.If(self._enable):
-                self._m.d.sync += waiting.eq(Cat(taps[start], waiting))
-            last = waiting[-width:]
-            stage.later[delay] = last.as_signed() if stage.stored.shape().signed else last
+        # Where products have registers, adders follow that leave no time for a shift register.
+        stages = Stages(self._m, self._enable, ends=bool(self._products.pipeline.products))
+        stage.later[delay] = stages.after(f"{name}_until_{delay}", taps[start], delay - start)
         return stage.later[delay]
 
     def _divide(self, step, dividend, divisor, shift):

@@ -150,16 +150,16 @@ def build(view: View, options: Options, top: str, progress: Callable[[str], obje
     exact = view.map()
     refuse_early(view, options)
     considered: list[Considered] = []
+    pipeline = PIPELINES[options.pipeline]
     if options.datapath == AUTO:
         asked = options.fraction_bits, options.max_error, options.optimise
-        considered = choose(view, *asked, progress, options.dsp, PIPELINES[options.pipeline])
+        considered = choose(view, *asked, progress, options.dsp, pipeline)
         datapath = considered[0].datapath
         assert datapath  # of all candidates the chosen one has it
     else:
         progress(f"word lengths of {options.datapath}")
         datapath = fit(options.datapath, view, options.fraction_bits, options.max_error, options.dsp)
     clocked = view.lens, view.width, options.family
-    pipeline = PIPELINES[options.pipeline]
     if options.clock is not None:
         pipeline = shallowest(options.clock, datapath.name, *clocked)
     clock = reached(datapath.name, pipeline.name, *clocked)

@@ -6,10 +6,12 @@ from amaranth import Array, Cat
 from amaranth.lib.memory import Memory
 from amaranth.utils import exact_log2
 
+from hdl.arithmetic.cost import RAMB18
+
 # Block RAMs on top of each other that still share an output cheaply; with a register behind each of them.
 STACKED, STACKED_BLOCKS = 4, 6
-# Words and bits of a RAMB18 with a port of each kind (AMD UG473), and of a DP16KD (Lattice FPGA-TN-02204).
-_BLOCKS = ((2048, 9), (4096, 4), (8192, 2), (16384, 1))
+# Those of a pixel's width; of a DP16KD they are the same (Lattice FPGA-TN-02204).
+_BLOCKS = tuple(block for block in RAMB18 if block[1] <= 9)
 # The read side never reads where the write side writes: without these Yosys builds for ECP5 what would make up for it.
 _ATTRIBUTES = {"ram_style": "block", "no_rw_check": 1, "rw_addr_collision": "no"}
 

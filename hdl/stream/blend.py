@@ -4,12 +4,14 @@ Each way has the same members: ``latency``, enabled clocks from values and weigh
 `recoded`, what travels of a weight; `totals` of all pairs that have a weight in common.
 """
 
+from abc import ABC, abstractmethod
+
 from amaranth import Cat, Const, Module, Mux, Signal, signed
 
 from hdl.arithmetic.cuts import RADIX4, SERIAL, TREE, Stages
 
 
-class Blend:
+class Blend(ABC):
     """What all ways have in common.
 
     Parameters
@@ -25,6 +27,7 @@ class Blend:
         """What `totals` takes as weights: of a weight, and whether it is the even value's."""
         return Cat(weight, swapped)
 
+    @abstractmethod
     def totals(self, m: Module, stages: Stages, name, pairs, weights, half):
         """The totals, f bits longer than the values, ``latency`` - 1 enabled clocks late: not yet registered.
 
@@ -41,7 +44,6 @@ class Blend:
         half : bool
             Whether 2**(f-1) is added.
         """
-        raise NotImplementedError
 
 
 class Serial(Blend):
