@@ -23,7 +23,7 @@ from hdl.tools import place_and_route as ecp5
 from hdl.tools.synthesis import Resources, conditions, netlist, xc7
 from hdl.tools.xc7_timing import MODEL, longest_path
 from scripts import clock_record, readme
-from scripts.record import digest
+from scripts.record import digest, title
 from scripts.resources import within_budget
 from scripts.tables import cache_option, json_option, show, write_json
 
@@ -118,8 +118,8 @@ def clock(names, pipelines, sizes, json_file, update, check, cache):
     if update:
         files.write({clock_record.RECORD: json.dumps(found, indent=1, allow_nan=False) + "\n"})
         readme.update("clock", clock_record.as_markdown(found))
-    title = f"model: {MODEL}; {ecp5.conditions()}"
-    show(title, clock_record.HEADINGS, clock_record.table_rows(rows), texts=clock_record.TEXTS)
+    heading = f"model: {MODEL}; {ecp5.conditions()}"
+    show(heading, clock_record.HEADINGS, clock_record.table_rows(rows), texts=clock_record.TEXTS)
     for refusal in refusals:
         click.echo(f"Not built: {refusal}")
 
@@ -133,7 +133,7 @@ def build_all(wanted, progress):
             built.append((case, build(case)))
         except InputError as refusal:
             row = row_of(case)
-            refusals.append(f"{clock_record.title(row)}, {clock_record.frame(row)}: {refusal.problem}")
+            refusals.append(f"{title(row)}, {clock_record.frame(row)}: {refusal.problem}")
     return built, refusals
 
 

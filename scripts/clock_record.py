@@ -16,11 +16,6 @@ def versions():
     return record.pinned(yosys.PACKAGE, nextpnr.PACKAGE)
 
 
-def title(row):
-    """What core a row is of: its datapath and what is with it."""
-    return row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp_allowed"] else "")
-
-
 def frame(row):
     return f"{row['width']}x{row['height']}"
 
@@ -31,7 +26,7 @@ def table_rows(rows):
         model, routed, registered = row["xc7"], row["ecp5"], row["ecp5_outreg"]
         path = (registered or routed or {"path": []})["path"]
         yield (
-            title(row),
+            record.title(row),
             row["pipeline"],
             frame(row),
             model["ff"],
@@ -49,20 +44,20 @@ def _mhz(routed):
     return f"{routed['median']:.0f} ({max(routed['mhz'].values()):.0f})"
 
 
-def as_markdown(record):
+def as_markdown(found):
     """The table as the README has it."""
-    conditions = record["conditions"]
+    conditions = found["conditions"]
     sentences = [
         "Whole cores, 8 bit, embedded rig, left camera; -nodsp, but for those with DSP. A frame of another shape than",
         "640x480 is the middle of one of that shape.",
         f"FF, LUT, RAMB18 (a RAMB36 counts as two): {conditions['xc7']}. Model: of that netlist, {MODEL}.",
-        f"ECP5-6: {conditions['ecp5']}; the median of {len(record['seeds'])} seeds, and the best of them.",
+        f"ECP5-6: {conditions['ecp5']}; the median of {len(found['seeds'])} seeds, and the best of them.",
         "With OUTREG: with the registers behind block RAM taken into it, as Lattice's tools do and Yosys does not; the",
         "path then is of that.",
-        *(f"Not built: {refusal}." for refusal in record["refusals"]),
+        *(f"Not built: {refusal}." for refusal in found["refusals"]),
         "`python -m scripts.clock` measures other frames and pipelines.",
     ]
-    return f"{readme.markdown(HEADINGS, table_rows(record['rows']))}\n\n{' '.join(sentences)}"
+    return f"{readme.markdown(HEADINGS, table_rows(found['rows']))}\n\n{' '.join(sentences)}"
 
 
 def stale(digests):
@@ -87,4 +82,4 @@ def parts(found):
 
 def name(row):
     """What tells the cores of a record apart."""
-    return f"{title(row)}, {row['pipeline']}, {frame(row)}"
+    return f"{record.title(row)}, {row['pipeline']}, {frame(row)}"

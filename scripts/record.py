@@ -30,6 +30,11 @@ def _instance(modules, found):
     return f"  {modules.index(name)} (" if name in modules else found.group()
 
 
+def title(row):
+    """What core a row is of: its datapath and what is with it."""
+    return row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp_allowed"] else "")
+
+
 def pinned(*packages):
     """Versions of packages as the project asks for them: they need not be installed."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

@@ -5,6 +5,7 @@ And the ladder: what the coordinates alone take, and how exact they are.
 
 import dataclasses
 import json
+import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -87,13 +88,15 @@ def resources(size, names, json_file, update, check, cache):
         digests = {name_of(job): record.digest(job.core.verilog) for job in jobs}
         if check:
             problem = record.stale(RECORD, parts, versions(), lambda found: found["digests"], digests, "make readme")
+            problem = problem or _other_figures(jobs)
             if problem:
                 click.echo(problem, err=True)
             return 1 if problem else 0
         rows = measure(jobs, cache, progress)
     write_json(json_file, rows)
     if update:
-        found = {"versions": versions(), "digests": digests, "refusals": refusals, "rows": rows}
+        measured_with = {yosys.PACKAGE: yosys.version()}
+        found = {"versions": measured_with, "digests": digests, "refusals": refusals, "rows": rows}
         files.write({RECORD: json.dumps(found, indent=1, allow_nan=False) + "\n"})
         for name, text in parts(found).items():
             readme.update(name, text)
@@ -118,7 +121,7 @@ def parts(found):
 
 def name_of(job):
     """What tells the cores of a record apart."""
-    return f"{_title(vars(job))}, {job.pipeline}"
+    return f"{record.title(vars(job))}, {job.pipeline}"
 
 
 def cores(size, names, progress):
@@ -189,16 +192,37 @@ def cells(job, cache):
         **common,
         "scope": "core",
         **dataclasses.asdict(whole),
-        "error": {axis: getattr(plan.error, axis).max for axis in "uv"},
-        "rows": plan.line_buffer.rows,
-        "latency": job.core.parameters.datapath.latency,
+        **_known(job.core),
     }
     for block, taken in blocks.items():
         yield {**common, "scope": block, **dataclasses.asdict(taken)}
 
 
-def _title(row):
-    return row["datapath"] + (", lens" if row["lens"] else "") + (", with DSP" if row["dsp_allowed"] else "")
+def _known(core):
+    """The figures of a core that need no synthesis."""
+    return {
+        "error": {axis: getattr(core.plan.error, axis).max for axis in "uv"},
+        "rows": core.plan.line_buffer.rows,
+        "latency": core.parameters.datapath.latency,
+    }
+
+
+def _other_figures(jobs):
+    """Of which core the record has other figures of those that need no synthesis, in one line; "" for none.
+
+    Errors may differ by as much as the README's numbers: constants are not in the digests.
+    """
+    rows = {
+        f"{record.title(row)}, {row['pipeline']}": row
+        for row in record.load(RECORD, parts)["rows"]
+        if row["scope"] == "core"
+    }
+    for job in jobs:
+        row, known = rows[name_of(job)], _known(job.core)
+        same = all(math.isclose(row["error"][axis], known["error"][axis], rel_tol=readme.SAME) for axis in "uv")
+        if not same or any(row[name] != known[name] for name in ("rows", "latency")):
+            return f"{RECORD.name} has other figures of {name_of(job)}; `make readme` brings it up to date"
+    return ""
 
 
 def _error(row):
@@ -207,8 +231,8 @@ def _error(row):
 
 def _of(rows, *scopes):
     """The rows of these scopes; without those in which DSP blocks were allowed and the core has use for none."""
-    useful = {_title(row) for row in rows if row["scope"] == "core" and (row["dsp"] or not row["dsp_allowed"])}
-    return [row for row in rows if row["scope"] in scopes and _title(row) in useful]
+    useful = {record.title(row) for row in rows if row["scope"] == "core" and (row["dsp"] or not row["dsp_allowed"])}
+    return [row for row in rows if row["scope"] in scopes and record.title(row) in useful]
 
 
 def core_rows(rows):
@@ -216,22 +240,23 @@ def core_rows(rows):
     for name, (ff, lut) in PAPER.items():
         yield f"{name}, the paper's", "?", ff, lut, *["?"] * 7, "-"
     for row in _of(rows, "core"):
-        yield _title(row), row["pipeline"], *(row[cell] for cell in CELLS), row["rows"], _error(row)
+        yield record.title(row), row["pipeline"], *(row[cell] for cell in CELLS), row["rows"], _error(row)
 
 
 def block_rows(rows):
     """What each block takes, as text."""
     for row in _of(rows, *BLOCKS.values(), REST):
-        yield _title(row), row["pipeline"], row["scope"], *(row[cell] for cell in CELLS)
+        yield record.title(row), row["pipeline"], row["scope"], *(row[cell] for cell in CELLS)
 
 
 def ladder_rows(rows):
     """The rows of the ladder, as text: coordinates alone, the errors they make."""
-    cores = {(_title(row), row["pipeline"]): row for row in _of(rows, "core")}
+    cores = {(record.title(row), row["pipeline"]): row for row in _of(rows, "core")}
     for row in _of(rows, "coordinates"):
-        core = cores[_title(row), row["pipeline"]]
+        core = cores[record.title(row), row["pipeline"]]
         ramb18 = row["ramb18"] + 2 * row["ramb36"]
-        yield _title(row), row["pipeline"], _error(core), row["ff"], row["lut"], row["dsp"], ramb18, core["latency"]
+        taken = row["ff"], row["lut"], row["dsp"], ramb18, core["latency"]
+        yield record.title(row), row["pipeline"], _error(core), *taken
 
 
 def ratios(rows):

@@ -158,6 +158,8 @@ def test_stale_tables_in_the_readme_fail_the_check(own_readme, monkeypatch, tmp_
     view = rectify(calibration.embedded((64, 48)), lens=False)["left"]
     job = resources.Job("proposed", False, False, "compact", build(view, Options("proposed"), "core"))
     monkeypatch.setattr(resources, "cores", lambda *arguments: ([job], ["table: too large"]))
+    known = {"error": {"u": 0.04, "v": 0.05}, "rows": 26, "latency": 3}  # as `row` has them
+    monkeypatch.setattr(resources, "_known", lambda core: known)
     monkeypatch.setattr(resources, "measure", lambda *arguments: ROWS)
     end = "; `make readme` brings it up to date\n"
     assert call(resources.resources, "--check") == 1
@@ -180,6 +182,13 @@ def test_stale_tables_in_the_readme_fail_the_check(own_readme, monkeypatch, tmp_
     assert call(resources.resources, "--check") == 1
     changed = "resources.json was measured on cores that are others now: proposed, compact"
     assert capsys.readouterr().err == f"{changed}{end}"
+    file.write_text(json.dumps(kept))
+    for name, value, status in (("error", {"u": 0.0404, "v": 0.05}, 0), ("error", {"u": 0.042, "v": 0.05}, 1),
+                                ("rows", 28, 1), ("latency", 4, 1)):  # fmt: skip
+        monkeypatch.setattr(resources, "_known", lambda core, name=name, value=value: known | {name: value})
+        assert call(resources.resources, "--check") == status
+        problem = f"resources.json has other figures of proposed, compact{end}"
+        assert capsys.readouterr().err == (problem if status else "")
 
 
 def test_tables_of_some_datapaths_do_not_go_into_the_readme(own_readme, capsys):
